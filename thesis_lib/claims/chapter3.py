@@ -1,0 +1,6 @@
+"""Claims of chapter 3, and where this edition differs from it."""
+
+from thesis_lib.claims import Claim, Difference
+
+CLAIMS: tuple[Claim, ...] = ()
+DIFFERENCES: tuple[Difference, ...] = ()

@@ -1,0 +1,169 @@
+"""The command ``thesis``: list and run experiments, judge claims, build the book."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import pandas as pd
+import tyro
+
+from thesis_lib.experiments import experiments, find
+from thesis_lib.experiments.base import (
+    BUDGETS,
+    check_budget,
+    check_seed,
+    results_directory,
+    writable_directory,
+)
+
+Budget = Annotated[str, tyro.conf.arg(metavar="{" + ",".join(BUDGETS) + "}")]
+
+
+@dataclass(frozen=True)
+class List:
+    """List every experiment: id, thesis item, expected seconds at each budget."""
+
+    def __call__(self) -> int:
+        """Print the list."""
+        table = pd.DataFrame(
+            [
+                {
+                    "id": e.id,
+                    "item": e.item,
+                    **{f"{b} [s]": f"{e.seconds[b]:g}" for b in BUDGETS},
+                    "what it measures": e.title,
+                }
+                for e in experiments().values()
+            ]
+        )
+        print(_text(table))
+        return 0
+
+
+@dataclass(frozen=True)
+class Run:
+    """Run an experiment, write its table and provenance, and print the table.
+
+    Any field of the experiment's config can be set as well, for instance
+    ``thesis run table-3.1 --episodes 500``; ``thesis run table-3.1 --help`` lists them.
+    """
+
+    id: tyro.conf.Positional[str]
+    """The experiment, as ``thesis list`` names it."""
+    budget: Budget = "book"
+    """smoke (seconds, no meaning), book (what the book shows) or thesis (as printed)."""
+    seed: int = 0
+    """All randomness comes from it."""
+    workers: int = 1
+    """Threads; the table does not depend on their number."""
+    out: Path | None = None
+    """Where ID.csv (or ID.parquet) and ID.json go; default _build/results/BUDGET."""
+
+    def __call__(self, overrides: Sequence[str] = ()) -> int:
+        """Run it; ``overrides`` are command-line fields of the experiment's config."""
+        experiment = find(self.id)
+        default = experiment.config(self.budget)
+        config = tyro.cli(
+            type(default),
+            default=default,
+            args=list(overrides),
+            prog=f"thesis run {self.id}",
+            description=f"{experiment.item}: {experiment.title} Fields of the config:",
+        )
+        # A directory that cannot be written to is found out before the work, not after.
+        out = writable_directory(self.out or results_directory(self.budget))
+        result = experiment.run(self.budget, config=config, seed=self.seed, workers=self.workers)
+        path = result.save(out)
+        print(_text(result.table))
+        wall = result.provenance["wall_seconds"]
+        print(f"{experiment.item}: {len(result.table)} rows in {wall:.1f} s, written to {path}")
+        return 0
+
+
+@dataclass(frozen=True)
+class Claims:
+    """Judge the thesis's claims on saved results and print the ledger."""
+
+    only: tyro.conf.Positional[tuple[str, ...]] = ()
+    """Claims whose id or section starts so; default all."""
+    results: Path | None = None
+    """Directory of results; default _build/results/book."""
+
+    def __call__(self) -> int:
+        """Print the ledger."""
+        from thesis_lib.claims import judge_all
+
+        judged = judge_all(self.results or results_directory("book"), self.only)
+        for j in judged:
+            print(f"{j.claim.id}  [{j.claim.section}]  {str(j.finding.verdict).upper()}")
+            print(f"    claim:     {j.claim.statement}")
+            print(f"    criterion: {j.claim.criterion}")
+            print(f"    evidence:  {j.finding.evidence}")
+        print(f"{len(judged)} claims")
+        return 0
+
+
+@dataclass(frozen=True)
+class Book:
+    """Execute the notebooks that need it and build the book."""
+
+    budget: Budget = "book"
+    """smoke, book or thesis."""
+    seed: int = 0
+    """Seed of every notebook."""
+    only: tuple[str, ...] = ()
+    """Notebooks to execute, such as ch03_potentials; default all."""
+
+    def __call__(self) -> int:
+        """Build the book."""
+        from thesis_lib.book.build import build
+
+        check_budget(self.budget)
+        check_seed(self.seed)
+        return int(build(budget=self.budget, seed=self.seed, only=self.only) or 0)
+
+
+def _text(table: pd.DataFrame, most: int = 60) -> str:
+    """A table as text, long ones with their middle left out."""
+    shown = table
+    note = ""
+    if len(table) > most:
+        shown = pd.concat([table.head(most // 2), table.tail(most // 2)])
+        note = f"\n({len(table) - most} rows in the middle are not shown)"
+    return shown.to_string(index=False, float_format=lambda v: f"{v:.5g}") + note
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point of the command ``thesis``; returns the exit status."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        if arguments[:1] == ["run"] and len(arguments) > 2 and {"-h", "--help"} & set(arguments):
+            named = next((a for a in arguments[1:] if not a.startswith("-")), None)
+            if named:
+                return Run(named)(["--help"])
+        command, unknown = tyro.cli(
+            List | Run | Claims | Book,
+            args=arguments,
+            prog="thesis",
+            description="The living edition of Snel's thesis, on the command line.",
+            return_unknown_args=True,
+        )
+        if isinstance(command, Run):
+            return command(unknown)
+        if unknown:
+            raise ValueError(f"{unknown[0]!r} is not known: see `thesis --help`.")
+        return int(command())
+    except (ValueError, FileNotFoundError) as error:
+        print(f"thesis: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("thesis: interrupted; no file was left half written.", file=sys.stderr)
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,403 @@
+"""What an experiment is, and how its table and provenance reach the disk.
+
+An experiment is a function from a frozen config dataclass to a tidy table, one row an
+observation.  Its budgets stand here in one place beside the config they fill.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+BUDGETS = ("smoke", "book", "thesis")
+"""smoke: seconds, every code path, values without meaning.  book: what the shipped book
+shows.  thesis: as printed."""
+
+ROWS_IN_CSV = 20_000
+"""A table with more rows is written as parquet."""
+
+ConfigT = TypeVar("ConfigT")
+ItemT = TypeVar("ItemT")
+ResultT = TypeVar("ResultT")
+
+
+def check_budget(budget: str) -> str:
+    """Return the budget if it exists.
+
+    Raises
+    ------
+    ValueError
+        Naming the budgets there are.
+    """
+    if budget not in BUDGETS:
+        raise ValueError(f"budget {budget!r} does not exist: choose one of {', '.join(BUDGETS)}.")
+    return budget
+
+
+def check_seed(seed: int) -> int:
+    """Return the seed if it is a non-negative integer; ValueError otherwise."""
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise ValueError(f"seed is {seed!r}, but a seed must be an integer of at least 0.")
+    return int(seed)
+
+
+@dataclass(frozen=True)
+class Context:
+    """What a run is given besides its config.
+
+    Attributes
+    ----------
+    seed
+        All randomness comes from it.
+    workers
+        How many threads may work; the result does not depend on it.
+    """
+
+    seed: int = 0
+    workers: int = 1
+
+    def __post_init__(self) -> None:
+        check_seed(self.seed)
+        if self.workers < 1:
+            raise ValueError(f"workers is {self.workers}, but at least 1 worker is needed.")
+
+    def seeds(self, n: int, *key: int) -> list[np.random.SeedSequence]:
+        """Independent seed sequences for n runs.
+
+        Parameters
+        ----------
+        n
+            How many.
+        *key
+            Integers that set this use of the seed apart from others, such as the index
+            of a configuration.
+        """
+        return np.random.SeedSequence(self.seed, spawn_key=tuple(key)).spawn(n)
+
+    def map(
+        self,
+        function: Callable[[ItemT], ResultT],
+        items: Iterable[ItemT],
+        label: str = "",
+    ) -> list[ResultT]:
+        """Apply a function to every item, on ``workers`` threads, in order.
+
+        The learners are compiled and release the interpreter's lock, so that threads
+        run side by side.  A progress bar shows on a terminal and nowhere else.
+        """
+        work = list(items)
+        with progress(total=len(work), label=label) as bar:
+            if self.workers == 1:
+                results = []
+                for item in work:
+                    results.append(function(item))
+                    bar.update()
+                return results
+            with ThreadPoolExecutor(self.workers) as pool:
+                results = []
+                try:
+                    for result in pool.map(function, work):
+                        results.append(result)
+                        bar.update()
+                except BaseException:
+                    pool.shutdown(cancel_futures=True)
+                    raise
+                return results
+
+
+@contextmanager
+def progress(total: int, label: str = "") -> Iterator[tqdm]:
+    """A progress bar on stderr when it is a terminal, silence elsewhere."""
+    with tqdm(total=total, desc=label, disable=not sys.stderr.isatty(), leave=False) as bar:
+        yield bar
+
+
+@dataclass(frozen=True)
+class Experiment(Generic[ConfigT]):
+    """One table or figure of the thesis, or one of ours.
+
+    Attributes
+    ----------
+    id
+        The thesis's own name, such as ``table-3.1``.
+    item
+        For people, such as ``Table 3.1``.
+    title
+        One line on what is measured.
+    function
+        Maps a config and a :class:`Context` to a tidy table.
+    budgets
+        The config at each budget.
+    columns
+        Meaning and unit of each column of the table.
+    seconds
+        About how long each budget takes on one core, in seconds, after compilation.
+    """
+
+    id: str
+    item: str
+    title: str
+    function: Callable[[ConfigT, Context], pd.DataFrame]
+    budgets: Mapping[str, ConfigT]
+    columns: Mapping[str, str]
+    seconds: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        for name, given in (("budgets", self.budgets), ("seconds", self.seconds)):
+            if set(given) != set(BUDGETS):
+                raise ValueError(
+                    f"experiment {self.id!r} has {name} for {sorted(given)}, but needs exactly "
+                    f"{', '.join(BUDGETS)}."
+                )
+
+    def config(self, budget: str) -> ConfigT:
+        """The config at a budget; ValueError names the budgets when it does not exist."""
+        return self.budgets[check_budget(budget)]
+
+    def run(
+        self,
+        budget: str = "book",
+        *,
+        config: ConfigT | None = None,
+        seed: int = 0,
+        workers: int = 1,
+    ) -> Result:
+        """Run the experiment.
+
+        Parameters
+        ----------
+        budget
+            ``smoke``, ``book`` or ``thesis``.
+        config
+            Replaces the budget's config where given.
+        seed
+            Non-negative; the same seed gives the same table for any number of workers.
+        workers
+            Number of threads.
+
+        Returns
+        -------
+        Result
+            The table with its provenance.
+        """
+        chosen = self.config(budget) if config is None else config
+        context = Context(seed=seed, workers=workers)
+        started, cpu = time.time(), time.process_time()
+        clock = time.perf_counter()
+        table = self.function(chosen, context)
+        unknown = set(table.columns) ^ set(self.columns)
+        if unknown:
+            raise RuntimeError(
+                f"experiment {self.id!r} documents {sorted(self.columns)} but returned "
+                f"{sorted(table.columns)}; the two must be the same columns."
+            )
+        provenance = {
+            "id": self.id,
+            "item": self.item,
+            "title": self.title,
+            "budget": budget if config is None or config == self.config(budget) else "custom",
+            "config": dataclasses.asdict(chosen),  # type: ignore[call-overload]
+            "seed": seed,
+            "workers": workers,
+            "wall_seconds": round(time.perf_counter() - clock, 3),
+            "cpu_seconds": round(time.process_time() - cpu, 3),
+            "started": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(started)),
+            "rows": len(table),
+            "columns": dict(self.columns),
+            **environment(),
+        }
+        return Result(self, table, provenance)
+
+
+@dataclass(frozen=True)
+class Result:
+    """A table with its provenance.
+
+    Attributes
+    ----------
+    experiment
+        What was run.
+    table
+        Tidy, one row an observation.
+    provenance
+        Config, seed, versions, commit, wall time.
+    """
+
+    experiment: Experiment[Any]
+    table: pd.DataFrame
+    provenance: Mapping[str, Any]
+
+    def save(self, directory: Path | str) -> Path:
+        """Write ``ID.csv`` (``.parquet`` when large) and ``ID.json``, each aside and renamed.
+
+        Parameters
+        ----------
+        directory
+            Made if missing.
+
+        Returns
+        -------
+        Path
+            Of the table.
+
+        Raises
+        ------
+        ValueError
+            When the directory cannot be written to.
+        """
+        folder = writable_directory(directory)
+        large = len(self.table) > ROWS_IN_CSV
+        path = folder / f"{self.experiment.id}.{'parquet' if large else 'csv'}"
+        stale = path.with_suffix(".csv" if large else ".parquet")
+        with replacing(path) as temporary:
+            if large:
+                self.table.to_parquet(temporary, index=False)
+            else:
+                self.table.to_csv(temporary, index=False)
+        with replacing(folder / f"{self.experiment.id}.json") as temporary:
+            record = {**self.provenance, "table": path.name}
+            temporary.write_text(json.dumps(record, indent=1, default=_plain) + "\n")
+        stale.unlink(missing_ok=True)
+        return path
+
+
+def writable_directory(directory: Path | str) -> Path:
+    """Make a directory if it is missing and check that it can be written to.
+
+    Raises
+    ------
+    ValueError
+        With the path and the way out.
+    """
+    folder = Path(directory)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise ValueError(
+            f"{str(folder)!r} cannot be written to ({error.strerror}): choose a directory you "
+            "may write to with --out."
+        ) from None
+    return folder
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Write to a temporary file beside ``path`` and rename it, so that no half file is left."""
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        # mkstemp makes private files; a result is as readable as any other new file.
+        mask = os.umask(0)
+        os.umask(mask)
+        temporary.chmod(0o666 & ~mask)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def load(identifier: str, directory: Path | str) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Read a saved table and its provenance.
+
+    Parameters
+    ----------
+    identifier
+        Such as ``table-3.1``.
+    directory
+        Where :meth:`Result.save` wrote it.
+
+    Raises
+    ------
+    FileNotFoundError
+        When it has not been run; the message gives the command.
+    """
+    record = Path(directory) / f"{identifier}.json"
+    if not record.exists():
+        raise FileNotFoundError(
+            f"there is no result {identifier!r} in {str(directory)!r}: "
+            f"make it with `thesis run {identifier} --out {directory}`."
+        )
+    provenance = json.loads(record.read_text())
+    path = record.with_name(provenance["table"])
+    table = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
+    return table, provenance
+
+
+def results_directory(budget: str = "book") -> Path:
+    """Where results of a budget are kept unless asked otherwise.
+
+    The environment variable ``THESIS_RESULTS`` overrides it; the book's build sets it so
+    that notebooks and the ledger meet.
+    """
+    override = os.environ.get("THESIS_RESULTS")
+    return Path(override) if override else repository_root() / "_build" / "results" / budget
+
+
+def repository_root() -> Path:
+    """The checkout this library runs from, or the working directory when it is installed."""
+    root = Path(__file__).resolve().parents[2]
+    return root if (root / "pyproject.toml").exists() else Path.cwd()
+
+
+def environment() -> dict[str, Any]:
+    """Versions, commit and machine, for provenance."""
+    packages = ("thesis_lib", "numpy", "scipy", "numba", "torch", "mujoco", "gymnasium", "pandas")
+    return {
+        "python": platform.python_version(),
+        "versions": {name: metadata.version(name) for name in packages},
+        "commit": commit(),
+        "machine": f"{platform.machine()}, {os.cpu_count()} cores",
+    }
+
+
+def commit() -> str:
+    """The commit of the checkout, with ``+`` when files differ from it, or ``unknown``."""
+    root = repository_root()
+    try:
+        head = _git(root, "rev-parse", "--short=12", "HEAD")
+        dirty = _git(root, "status", "--porcelain", "--untracked-files=no")
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    return head + ("+" if dirty else "")
+
+
+def _git(root: Path, *arguments: str) -> str:
+    done = subprocess.run(
+        ["git", "-C", str(root), *arguments], capture_output=True, text=True, check=True
+    )
+    return done.stdout.strip()
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, (set, frozenset)):
+        return sorted(value)
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"{type(value).__name__} cannot be written as JSON")
+
+
+def rows(records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """A tidy table from one mapping a row."""
+    return pd.DataFrame.from_records(list(records))

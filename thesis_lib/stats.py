@@ -1,0 +1,211 @@
+"""Intervals and tests used throughout the book.
+
+Every figure states n, an interval and the test; these are the functions it uses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+from thesis_lib.mdp.model import FloatArray
+
+
+def _sample(values: ArrayLike, at_least: int = 2) -> FloatArray:
+    x = np.asarray(values, dtype=float).ravel()
+    if len(x) < at_least or not np.isfinite(x).all():
+        raise ValueError(
+            f"the sample has {len(x)} values, {int((~np.isfinite(x)).sum())} of them not finite, "
+            f"but at least {at_least} finite values are needed."
+        )
+    return x
+
+
+@dataclass(frozen=True)
+class Mean:
+    """A mean with its 95% interval, ``mean ± half_width``, over ``n`` runs."""
+
+    mean: float
+    half_width: float
+    n: int
+
+    def __str__(self) -> str:
+        return f"{self.mean:.3g} ± {self.half_width:.2g} (n = {self.n})"
+
+
+def mean_ci(values: ArrayLike, level: float = 0.95) -> Mean:
+    """Mean and Student t interval of independent runs.
+
+    Parameters
+    ----------
+    values
+        One number a run, any shape; at least 2, all finite.
+    level
+        Coverage of the interval.
+
+    Returns
+    -------
+    Mean
+    """
+    x = _sample(values)
+    sem = x.std(ddof=1) / np.sqrt(len(x))
+    half = float(stats.t.ppf(0.5 + level / 2, len(x) - 1) * sem)
+    return Mean(float(x.mean()), half, len(x))
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two samples compared: the difference of means, its interval, and a p-value.
+
+    Attributes
+    ----------
+    difference
+        Mean of the first sample less mean of the second.
+    low, high
+        Welch interval of the difference at the level asked for.
+    p_value
+        Of the test named by ``test``.
+    test
+        What was done.
+    """
+
+    difference: float
+    low: float
+    high: float
+    p_value: float
+    test: str
+
+
+def welch(a: ArrayLike, b: ArrayLike, level: float = 0.95) -> Comparison:
+    """Welch's t-test that two means are equal (unequal variances).
+
+    Parameters
+    ----------
+    a, b
+        Independent samples, one number a run.
+    level
+        Coverage of the interval of the difference.
+
+    Returns
+    -------
+    Comparison
+    """
+    x, y = _sample(a), _sample(b)
+    if x.std() == 0 and y.std() == 0:
+        gap = float(x.mean() - y.mean())
+        return Comparison(gap, gap, gap, float(gap == 0), "Welch (both samples constant)")
+    result = stats.ttest_ind(x, y, equal_var=False)
+    interval = result.confidence_interval(level)
+    return Comparison(
+        float(x.mean() - y.mean()),
+        float(interval.low),
+        float(interval.high),
+        float(result.pvalue),
+        "Welch",
+    )
+
+
+def equivalence(a: ArrayLike, b: ArrayLike, margin: float) -> Comparison:
+    """Two one-sided Welch tests (TOST) that two means differ by less than a margin.
+
+    "No significant difference" is absence of evidence; a small p-value here is
+    evidence of no difference that matters.
+
+    Parameters
+    ----------
+    a, b
+        Independent samples, one number a run.
+    margin
+        The largest difference that counts as none, positive, in the samples' units.
+
+    Returns
+    -------
+    Comparison
+        The 90% interval of the difference and the TOST p-value: equivalence is shown
+        at 5% when the interval lies inside (-margin, margin).
+    """
+    if not margin > 0:
+        raise ValueError(f"margin is {margin}, but an equivalence margin must be positive.")
+    x, y = _sample(a), _sample(b)
+    both = welch(x, y, level=0.90)
+    if x.std() == 0 and y.std() == 0:
+        inside = abs(both.difference) < margin
+        return Comparison(both.difference, both.low, both.high, float(not inside), "TOST")
+    lower = stats.ttest_ind(x + margin, y, equal_var=False, alternative="greater").pvalue
+    upper = stats.ttest_ind(x - margin, y, equal_var=False, alternative="less").pvalue
+    return Comparison(both.difference, both.low, both.high, float(max(lower, upper)), "TOST")
+
+
+def kruskal(*samples: ArrayLike) -> float:
+    """Kruskal-Wallis p-value that several samples come from one distribution."""
+    return float(stats.kruskal(*[_sample(s) for s in samples]).pvalue)
+
+
+def holm(p_values: ArrayLike) -> FloatArray:
+    """Holm's step-down adjustment of p-values for many comparisons.
+
+    Parameters
+    ----------
+    p_values
+        Shape ``(n,)``, each in [0, 1].
+
+    Returns
+    -------
+    FloatArray
+        Adjusted p-values in the same order, shape ``(n,)``.
+    """
+    p = np.asarray(p_values, dtype=float)
+    if p.ndim != 1 or ((p < 0) | (p > 1) | np.isnan(p)).any():
+        raise ValueError(f"p-values must be a list of numbers in [0, 1], but they are {p}.")
+    order = np.argsort(p)
+    stepped = np.maximum.accumulate(p[order] * np.arange(len(p), 0, -1))
+    adjusted = np.empty_like(p)
+    adjusted[order] = np.minimum(stepped, 1.0)
+    return adjusted
+
+
+def bootstrap_ci(
+    values: ArrayLike,
+    statistic: Callable[[FloatArray], float] = np.mean,
+    *,
+    rng: np.random.Generator,
+    n_resamples: int = 2000,
+    level: float = 0.95,
+) -> tuple[float, float]:
+    """Percentile bootstrap interval of a statistic of independent runs.
+
+    Parameters
+    ----------
+    values
+        One entry a run along axis 0.
+    statistic
+        Maps an array like ``values`` to a number.
+    rng
+        Source of the resampling.
+    n_resamples, level
+        Number of resamples and coverage.
+
+    Returns
+    -------
+    tuple[float, float]
+        Low and high end.
+    """
+    x = np.asarray(values, dtype=float)
+    draws = [statistic(x[rng.integers(len(x), size=len(x))]) for _ in range(n_resamples)]
+    low, high = np.quantile(draws, [(1 - level) / 2, (1 + level) / 2])
+    return float(low), float(high)
+
+
+def iqm(scores: ArrayLike) -> float:
+    """Interquartile mean: the mean of the middle half of all scores."""
+    return float(stats.trim_mean(_sample(scores, 1), 0.25))
+
+
+def chi_square(observed: Sequence[float], expected: Sequence[float], sd: Sequence[float]) -> float:
+    r"""Sum of squared standardised differences, :math:`\sum ((o-e)/s)^2`."""
+    o, e, s = (np.asarray(v, dtype=float) for v in (observed, expected, sd))
+    return float((((o - e) / s) ** 2).sum())
