@@ -1,0 +1,371 @@
+r"""The best single policy for all tasks of a domain, :math:`\mu^*` (section 3.3.5).
+
+A cross-task policy :math:`\mu(s, a)` is the same in every task: stationary, stochastic
+and memoryless, the task being hidden from it.  The thesis searches it with a genetic
+algorithm (footnote 2).  Here the objective is computed exactly for any policy, and its
+exact gradient is available too, so that one can tell whether a search missed the
+optimum.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from scipy import optimize, special
+
+from thesis_lib.domains.domain import Domain
+from thesis_lib.mdp.model import MDP, FloatArray, IntArray
+
+Objective = Literal["start", "stationary"]
+OBJECTIVES: tuple[str, ...] = ("start", "stationary")
+
+HORIZON = 1e12
+"""With a discount of 1 a policy that never ends an episode has no value; counting no more
+than about this many steps gives it a very low one and changes others by one part in
+HORIZON for every step of an episode."""
+
+
+def softmax_policy(preferences: FloatArray) -> FloatArray:
+    """Policy from preferences: a softmax over the last axis (footnote 2)."""
+    return special.softmax(preferences, axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class CrossTaskProblem:
+    r"""Exact value of cross-task policies in one domain.
+
+    Parameters
+    ----------
+    domain
+        The domain; its transition matrices are held densely, so its tasks must be small.
+    objective
+        What :math:`\mu^*` maximises.  ``"start"``: equation 3.9 with the start-state
+        distribution, :math:`\sum_m D(m) \sum_s p(s_0 = s|m) V_m^\mu(s)`.
+        ``"stationary"``: equation 3.11, which weights states by how often the policy is
+        in them, :math:`\sum_m D(m) \sum_s p(s|m, \mu) V_m^\mu(s)`; in a continuing task
+        this is the average reward divided by :math:`1 - \gamma`, and in an episodic one
+        p(s|m, mu) is the share of time spent in s when episodes follow one another.
+
+    Notes
+    -----
+    Arrays over a task's members are padded to the largest task; a padding state ends the
+    episode with reward 0 and is never reached.
+    """
+
+    domain: Domain
+    objective: Objective = "start"
+    _transition: FloatArray = field(init=False, repr=False)
+    _reward: FloatArray = field(init=False, repr=False)
+    _start: FloatArray = field(init=False, repr=False)
+    _index: IntArray = field(init=False, repr=False)
+    _discount: float = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.objective not in OBJECTIVES:
+            raise ValueError(
+                f"objective {self.objective!r} does not exist: choose one of "
+                f"{', '.join(OBJECTIVES)}."
+            )
+        domain = self.domain
+        n_tasks, n_actions = len(domain), len(domain.actions)
+        size = int(domain.present.sum(axis=1).max())
+        transition = np.zeros((n_tasks, size, n_actions, size))
+        reward = np.zeros((n_tasks, size, n_actions))
+        start = np.zeros((n_tasks, size))
+        index = np.zeros((n_tasks, size), dtype=np.int64)
+        for m, (task, observed) in enumerate(
+            zip(domain.tasks, domain.observation_index, strict=True)
+        ):
+            inside = np.flatnonzero(observed >= 0)
+            n = len(inside)
+            # What leaves the members is an episode's end, worth 0.
+            transition[m, :n, :, :n] = dense(task)[inside][:, :, inside]
+            reward[m, :n] = task.reward[inside]
+            start[m, :n] = task.start[inside]
+            index[m, :n] = observed[inside]
+        for name, value in (
+            ("_transition", transition),
+            ("_reward", reward),
+            ("_start", start),
+            ("_index", index),
+            ("_discount", min(domain.discount, 1.0 - 1.0 / HORIZON)),
+        ):
+            object.__setattr__(self, name, value)
+
+    def task_values(self, policy: FloatArray) -> FloatArray:
+        r"""State values :math:`V_m^\mu` of a policy in every task, one linear solve a task.
+
+        Parameters
+        ----------
+        policy
+            :math:`\mu`, shape ``(..., O, A)``, rows summing to 1.
+
+        Returns
+        -------
+        FloatArray
+            Shape ``(..., M, S)``, S counting a task's members in order.
+        """
+        chain, reward = self._under(policy)
+        system = np.eye(chain.shape[-1]) - self._discount * chain
+        return np.asarray(np.linalg.solve(system, reward[..., None])[..., 0], dtype=np.float64)
+
+    def value(self, policy: FloatArray) -> FloatArray:
+        """The objective of one policy or of a batch of them.
+
+        Parameters
+        ----------
+        policy
+            Shape ``(..., O, A)``.
+
+        Returns
+        -------
+        FloatArray
+            Shape ``(...)``.
+        """
+        values = self.task_values(policy)
+        if self.objective == "start":
+            weights = np.broadcast_to(self._start, values.shape)
+        else:
+            weights = self.state_distribution(policy)
+        return np.asarray((self.domain.distribution * (weights * values).sum(-1)).sum(-1))
+
+    def state_distribution(self, policy: FloatArray) -> FloatArray:
+        """Share of time p(s|m, mu) spent in each member state, shape ``(..., M, S)``."""
+        chain, _ = self._under(policy)
+        recurrent = self._restarted(chain)
+        size = chain.shape[-1]
+        # Replace one balance equation by normalisation.
+        system = np.eye(size) - np.swapaxes(recurrent, -1, -2)
+        system[..., -1, :] = 1.0
+        right = np.zeros((*chain.shape[:-1], 1))
+        right[..., -1, 0] = 1.0
+        return np.clip(np.linalg.solve(system, right)[..., 0], 0.0, None)
+
+    def gradient(self, preferences: FloatArray) -> tuple[float, FloatArray]:
+        r"""Objective and its exact gradient with respect to softmax preferences.
+
+        For fixed state weights w the policy gradient theorem gives
+        :math:`\partial J / \partial \mu(s, a) = u(s) Q(s, a)` with the discounted visits
+        :math:`u = (I - \gamma P_\mu^T)^{-1} w`.  The stationary weights move with the
+        policy as well, which adds :math:`w(s) \sum_{s'} P(s, a, s') h(s')` with
+        :math:`h = (I - P_\mu + 1 w^T)^{-1} V`, P including the restart at an episode's end.
+
+        Parameters
+        ----------
+        preferences
+            Shape ``(O, A)``; the policy is their softmax.
+
+        Returns
+        -------
+        tuple[float, FloatArray]
+            The value, and the gradient of shape ``(O, A)``.
+        """
+        policy = softmax_policy(preferences)
+        chain, reward = self._under(policy)
+        eye = np.eye(chain.shape[-1])
+        system = eye - self._discount * chain
+        values = np.linalg.solve(system, reward[..., None])[..., 0]
+        weights = self._start if self.objective == "start" else self.state_distribution(policy)
+        visits = np.linalg.solve(np.swapaxes(system, -1, -2), weights[..., None])[..., 0]
+        onward = np.einsum("msat,mt->msa", self._transition, values)
+        slope = visits[..., None] * (self._reward + self._discount * onward)
+        if self.objective == "stationary":
+            spread = eye - self._restarted(chain) + weights[:, None, :]
+            bias = np.linalg.solve(spread, values[..., None])[..., 0]
+            leave = 1.0 - self._transition.sum(-1)
+            restart = (self._start * bias).sum(-1)[:, None, None]
+            next_bias = np.einsum("msat,mt->msa", self._transition, bias) + leave * restart
+            slope = slope + weights[..., None] * next_bias
+        total = np.zeros(self.domain.shape)
+        np.add.at(total, self._index, self.domain.distribution[:, None, None] * slope)
+        centred = total - (policy * total).sum(-1, keepdims=True)
+        value = float((self.domain.distribution * (weights * values).sum(-1)).sum())
+        return value, policy * centred
+
+    def _under(self, policy: FloatArray) -> tuple[FloatArray, FloatArray]:
+        mu = policy[..., self._index, :]
+        chain = np.einsum("...msa,msat->...mst", mu, self._transition)
+        return chain, (mu * self._reward).sum(-1)
+
+    def _restarted(self, chain: FloatArray) -> FloatArray:
+        leave = 1.0 - chain.sum(-1)
+        return chain + leave[..., None] * self._start[:, None, :]
+
+
+def dense(task: MDP) -> FloatArray:
+    """Transition matrix of a task of any kind, shape ``(S, A, S)``, from its outcomes."""
+    outcomes = task.outcomes()
+    matrix = np.zeros((task.n_states, task.n_actions, task.n_states))
+    s, a, _ = np.indices(outcomes.successor.shape)
+    np.add.at(matrix, (s, a, outcomes.successor), outcomes.probability)
+    return matrix
+
+
+@dataclass(frozen=True)
+class SearchResult:
+    """A policy found by a search, and how the search went.
+
+    Attributes
+    ----------
+    policy
+        Shape ``(O, A)``.
+    value
+        Its objective.
+    history
+        Best objective so far: one a generation, or one a restart.
+    """
+
+    policy: FloatArray
+    value: float
+    history: FloatArray
+
+
+@dataclass(frozen=True)
+class GeneticAlgorithm:
+    """The genetic algorithm of footnote 2, with what it leaves unsaid as options.
+
+    Stated: population 100, no crossover, each gene mutated with probability .5 by a
+    uniform draw from [-0.05, 0.05], policies by a softmax over the chromosome.
+
+    Attributes
+    ----------
+    population, mutation_probability, mutation_size
+        As stated.
+    generations
+        Not stated.
+    selection
+        Not stated.  ``"truncation"``: the best half each have two children.
+        ``"tournament"``: each parent is the better of two drawn at random.
+        ``"roulette"``: parents are drawn in proportion to their rank.
+    elite
+        Not stated: how many of the best survive unchanged.
+    initial
+        Not stated: chromosomes start uniform in [-initial, initial].
+    """
+
+    population: int = 100
+    mutation_probability: float = 0.5
+    mutation_size: float = 0.05
+    generations: int = 2000
+    selection: Literal["truncation", "tournament", "roulette"] = "truncation"
+    elite: int = 1
+    initial: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.selection not in ("truncation", "tournament", "roulette"):
+            raise ValueError(
+                f"selection {self.selection!r} does not exist: choose truncation, tournament or "
+                "roulette."
+            )
+        if self.population < 2 or not 0 <= self.elite < self.population or self.generations < 1:
+            raise ValueError(
+                f"population {self.population}, elite {self.elite}, generations "
+                f"{self.generations}: the population needs at least 2, the elite fewer than the "
+                "population, and at least 1 generation."
+            )
+
+    def search(self, problem: CrossTaskProblem, rng: np.random.Generator) -> SearchResult:
+        """Search for the best cross-task policy.
+
+        Parameters
+        ----------
+        problem
+            The objective.
+        rng
+            Source of all randomness.
+
+        Returns
+        -------
+        SearchResult
+            The best of all policies seen; ``history`` has one entry a generation.
+        """
+        shape = (self.population, *problem.domain.shape)
+        genes = rng.uniform(-self.initial, self.initial, shape)
+        history = np.empty(self.generations)
+        best, best_value = genes[0], -np.inf
+        for generation in range(self.generations):
+            fitness = problem.value(softmax_policy(genes))
+            order = np.argsort(-fitness, kind="stable")
+            if fitness[order[0]] > best_value:
+                best, best_value = genes[order[0]].copy(), float(fitness[order[0]])
+            history[generation] = best_value
+            parents = genes[self._parents(order, rng)]
+            mutate = rng.random(shape) < self.mutation_probability
+            step = rng.uniform(-self.mutation_size, self.mutation_size, shape)
+            children = parents + np.where(mutate, step, 0.0)
+            children[: self.elite] = genes[order[: self.elite]]
+            genes = children
+        return SearchResult(softmax_policy(best), best_value, history)
+
+    def _parents(self, order: IntArray, rng: np.random.Generator) -> IntArray:
+        n = self.population
+        if self.selection == "truncation":
+            best = order[: max(1, n // 2)]
+            return np.resize(best, n)
+        if self.selection == "tournament":
+            # Ranks: the smaller of two random ranks wins.
+            return order[rng.integers(n, size=(n, 2)).min(axis=1)]
+        weight = np.arange(n, 0, -1, dtype=float)
+        return rng.choice(order, size=n, p=weight / weight.sum())
+
+
+def climb(
+    problem: CrossTaskProblem,
+    rng: np.random.Generator,
+    *,
+    restarts: int = 20,
+    spread: float = 2.0,
+    bound: float = 8.0,
+    max_iterations: int = 500,
+) -> SearchResult:
+    """Search for the best cross-task policy by exact gradients (L-BFGS-B) and restarts.
+
+    Parameters
+    ----------
+    problem
+        The objective.
+    rng
+        Source of the starting points.
+    restarts
+        How many starting points; the first is the uniform policy.
+    spread
+        Standard deviation of the starting preferences.
+    bound
+        Preferences stay within plus and minus this: a deterministic policy is approached to
+        within exp(-2 bound), but with a discount of 1 no policy loops for ever.
+    max_iterations
+        For each restart.
+
+    Returns
+    -------
+    SearchResult
+        The best policy of all restarts; ``history`` has the value each restart reached.
+    """
+    if restarts < 1:
+        raise ValueError(f"restarts is {restarts}, but at least 1 starting point is needed.")
+    shape = problem.domain.shape
+    reached = np.empty(restarts)
+    best, best_value = np.zeros(shape), -np.inf
+
+    def negative(flat: FloatArray) -> tuple[float, FloatArray]:
+        value, gradient = problem.gradient(flat.reshape(shape))
+        return -value / scale, -gradient.ravel() / scale
+
+    # A value of order one keeps the optimiser's tolerances meaningful.
+    scale = max(1.0, abs(float(problem.value(np.full(shape, 1.0 / shape[1])))))
+    for i in range(restarts):
+        first = np.zeros(shape) if i == 0 else rng.normal(0.0, spread, shape)
+        found = optimize.minimize(
+            negative,
+            np.clip(first, -bound, bound).ravel(),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=[(-bound, bound)] * first.size,
+            options={"maxiter": max_iterations, "ftol": 1e-14, "gtol": 1e-10},
+        )
+        reached[i] = problem.value(softmax_policy(found.x.reshape(shape)))
+        if reached[i] > best_value:
+            best, best_value = found.x.reshape(shape), float(reached[i])
+    return SearchResult(softmax_policy(best), best_value, reached)
