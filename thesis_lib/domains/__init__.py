@@ -2,5 +2,7 @@
 
 from thesis_lib.domains.cliff import continuing_cliff, episodic_cliff
 from thesis_lib.domains.domain import Domain
+from thesis_lib.domains.stock import StockMDP, stock
+from thesis_lib.domains.triangle import triangle
 
-__all__ = ["Domain", "continuing_cliff", "episodic_cliff"]
+__all__ = ["Domain", "StockMDP", "continuing_cliff", "episodic_cliff", "stock", "triangle"]

@@ -76,6 +76,10 @@ class Domain:
         names = tuple(map(str, range(n))) if self.task_names is None else tuple(self.task_names)
         if len(names) != n:
             raise ValueError(f"{len(names)} task names were given for {n} tasks; give one a task.")
+        if self.members is not None and len(self.members) != n:
+            raise ValueError(
+                f"members has {len(self.members)} masks for {n} tasks; give one mask a task."
+            )
         first = self.tasks[0]
         for name, task in zip(names, self.tasks, strict=True):
             for what, got, expected in (
@@ -111,13 +115,21 @@ class Domain:
 
     @cached_property
     def _index(self) -> tuple[IntArray, tuple[IntArray, ...]]:
+        # Tasks that share their arrays share their states, and one set is enough to sort.
+        first = self.tasks[0]
+        alike = self.members is None and all(
+            task.features is first.features and task.terminal is first.terminal
+            for task in self.tasks
+        )
+        tasks = self.tasks[:1] if alike else self.tasks
+        names = self.task_names[: len(tasks)]
         member = (
-            [~task.terminal for task in self.tasks]
+            [~task.terminal for task in tasks]
             if self.members is None
             else [np.asarray(m, dtype=bool) for m in self.members]
         )
         values = []
-        for name, task, keep in zip(self.task_names, self.tasks, member, strict=True):
+        for name, task, keep in zip(names, tasks, member, strict=True):
             if keep.shape != (task.n_states,):
                 raise ValueError(
                     f"members of task {name!r} has shape {keep.shape}, but the task has "
@@ -133,14 +145,15 @@ class Domain:
         observations, inverse = np.unique(np.concatenate(values), axis=0, return_inverse=True)
         inverse = inverse.reshape(-1)
         index, at = [], 0
-        for task, keep, rows in zip(self.tasks, member, values, strict=True):
+        for task, keep, rows in zip(tasks, member, values, strict=True):
             own = np.full(task.n_states, -1, dtype=np.int64)
             own[keep] = inverse[at : at + len(rows)]
             own.flags.writeable = False
             index.append(own)
             at += len(rows)
+        observations = observations.astype(np.int64)
         observations.flags.writeable = False
-        return observations.astype(np.int64), tuple(index)
+        return observations, tuple(index) * (len(self) // len(tasks))
 
     @property
     def observations(self) -> IntArray:
