@@ -23,7 +23,7 @@ TABLES: Mapping[str, str] = MappingProxyType(
         "table-5.1": "Step sizes delta_KL; in the caption the ESN's spectral radius and density",
         "table-5.2": "Mean return per learning iteration, up to the 500th",
         "table-5.3": "1000-step return of the fixed weights, unperturbed",
-        "table-5.6": "Interval of the mean improvement ratio by hill training (captioned Figure 5.6)",
+        "table-5.6": "Interval of the improvement ratio by hill training (captioned Figure 5.6)",
         "table-c.1": "1000-step return of the fixed weights, unperturbed (Table 5.3 once more)",
         "table-c.2": "1000-step return of the fixed weights under sensor noise",
         "table-c.3": "1000-step return of the fixed weights under the switch to hills",
