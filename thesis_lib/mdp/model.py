@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,7 +43,7 @@ class Outcomes:
 
 
 class MDP(abc.ABC):
-    """A finite MDP :math:`\\langle S, A, P, R, \\gamma\\rangle` (section 2.2).
+    r"""A finite MDP :math:`\langle S, A, P, R, \gamma\rangle` (section 2.2).
 
     Concrete classes say how an expectation over next states is taken:
     :class:`TabularMDP` multiplies by a matrix, while large structured tasks (stock
@@ -83,7 +84,7 @@ class MDP(abc.ABC):
 
     @abc.abstractmethod
     def expectation(self, values: FloatArray) -> FloatArray:
-        """Expected value of the next state, :math:`\\sum_{s'} P^{sas'} v(s')`.
+        r"""Expected value of the next state, :math:`\sum_{s'} P^{sas'} v(s')`.
 
         Parameters
         ----------
@@ -101,7 +102,7 @@ class MDP(abc.ABC):
         """List the possible outcomes of every pair, for sampling."""
 
     def lookahead(self, values: FloatArray) -> FloatArray:
-        """One-step look-ahead :math:`R^{sa} + \\gamma \\sum_{s'} P^{sas'} v(s')` (eq. 2.6).
+        r"""One-step look-ahead :math:`R^{sa} + \gamma \sum_{s'} P^{sas'} v(s')` (eq. 2.6).
 
         Parameters
         ----------
@@ -283,8 +284,8 @@ class TabularMDP(MDP):
         return Outcomes(successor.astype(np.int32), probability, reward)
 
 
-def _frozen(array: ArrayLike, dtype: type) -> NDArray:  # type: ignore[type-arg]
+def _frozen(array: ArrayLike, dtype: type[np.generic]) -> NDArray[Any]:
     """Copy ``array`` to a read-only C-ordered array of the given type."""
-    copy = np.array(array, dtype=dtype, order="C")
+    copy: NDArray[Any] = np.array(array, dtype=dtype, order="C")
     copy.flags.writeable = False
     return copy

@@ -1,0 +1,45 @@
+"""Small tasks whose solution is known, for the tests of this folder."""
+
+import numpy as np
+
+from thesis_lib.mdp.model import TabularMDP
+
+
+def random_mdp(
+    seed: int, n_states: int = 5, n_actions: int = 3, discount: float = 0.9, terminal: int = 0
+) -> TabularMDP:
+    """A random dense task; the last ``terminal`` states are absorbing."""
+    rng = np.random.default_rng(seed)
+    P = rng.dirichlet(np.ones(n_states), size=(n_states, n_actions))
+    R = rng.normal(size=(n_states, n_actions))
+    ended = np.arange(n_states) >= n_states - terminal
+    P[ended] = np.eye(n_states)[ended][:, None]
+    R[ended] = 0.0
+    start = np.where(ended, 0.0, rng.dirichlet(np.ones(n_states)))
+    return TabularMDP(P, R, start / start.sum(), ended, discount)
+
+
+def grid(width: int = 4, discount: float = 1.0) -> TabularMDP:
+    """A square grid from corner 0 to the opposite corner; every step costs 1."""
+    n = width * width
+    P = np.zeros((n, 4, n))
+    for s in range(n - 1):
+        x, y = s % width, s // width
+        for a, (dx, dy) in enumerate([(0, 1), (1, 0), (0, -1), (-1, 0)]):
+            to_x, to_y = (min(max(v, 0), width - 1) for v in (x + dx, y + dy))
+            P[s, a, to_x + width * to_y] = 1.0
+    P[n - 1, :, n - 1] = 1.0
+    R = np.full((n, 4), -1.0)
+    R[n - 1] = 0.0
+    return TabularMDP(P, R, np.eye(n)[0], np.arange(n) == n - 1, discount, actions=tuple("NESW"))
+
+
+def chain(n: int = 4, discount: float = 0.5) -> TabularMDP:
+    """States 0..n-1 and the end n; action 0 stays, action 1 moves on; 8 for reaching the end."""
+    P = np.zeros((n + 1, 2, n + 1))
+    R = np.zeros((n + 1, 2))
+    for s in range(n):
+        P[s, 0, s] = P[s, 1, s + 1] = 1.0
+    P[n, :, n] = 1.0
+    R[n - 1, 1] = 8.0
+    return TabularMDP(P, R, np.eye(n + 1)[0], np.arange(n + 1) == n, discount)

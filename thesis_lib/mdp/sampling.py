@@ -1,0 +1,111 @@
+"""Drawing start states and transitions, one uniform number a draw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from thesis_lib.mdp.model import MDP, BoolArray, FloatArray
+
+CACHED_OUTCOMES = 2**18
+"""Samplers of more outcomes than this are rebuilt when asked for, not kept in memory."""
+
+
+@dataclass(frozen=True)
+class Sampler:
+    """The distributions of a task in the form in which the compiled loops draw from them.
+
+    A draw takes one uniform number u in [0, 1) and returns the first outcome whose
+    cumulative probability is above u.  Where there is one outcome only, none is taken.
+
+    Attributes
+    ----------
+    successor
+        Next state of each outcome, shape ``(S, A, K)``.
+    cumulative
+        Cumulative probability of each outcome, shape ``(S, A, K)``; exactly 1 from the
+        last possible outcome on.
+    reward
+        Reward of each outcome, shape ``(S, A, K)``.
+    start
+        Possible start states, shape ``(N,)``.
+    start_cumulative
+        Their cumulative probability, shape ``(N,)``.
+    terminal
+        Absorbing states, shape ``(S,)``.
+    """
+
+    successor: NDArray[np.int32]
+    cumulative: FloatArray
+    reward: FloatArray
+    start: NDArray[np.int32]
+    start_cumulative: FloatArray
+    terminal: BoolArray
+
+
+def sampler(mdp: MDP) -> Sampler:
+    """Prepare drawing from a task.
+
+    Parameters
+    ----------
+    mdp
+        The task.  The sampler of a small task is kept with it.
+
+    Raises
+    ------
+    ValueError
+        When an episode would start in a terminal state.
+    """
+    kept = mdp.__dict__.get("_sampler")
+    if isinstance(kept, Sampler):
+        return kept
+    outcomes = mdp.outcomes()
+    start = np.flatnonzero(mdp.start > 0)
+    ended = mdp.terminal[start]
+    if ended.any():
+        raise ValueError(
+            f"start gives terminal state {start[ended][0]} probability "
+            f"{mdp.start[start[ended][0]]:.6g}, but an episode must start in a non-terminal state."
+        )
+    built = Sampler(
+        np.ascontiguousarray(outcomes.successor, dtype=np.int32),
+        _cumulative(outcomes.probability),
+        np.ascontiguousarray(outcomes.reward, dtype=np.float64),
+        start.astype(np.int32),
+        _cumulative(mdp.start[start]),
+        np.ascontiguousarray(mdp.terminal),
+    )
+    if built.successor.size <= CACHED_OUTCOMES:
+        mdp.__dict__["_sampler"] = built
+    return built
+
+
+def _cumulative(probability: FloatArray) -> FloatArray:
+    """Cumulative sums over the last axis, exactly 1 from the last possible outcome on."""
+    total = np.cumsum(probability, axis=-1)
+    width = probability.shape[-1]
+    last = width - 1 - np.argmax(probability[..., ::-1] > 0, axis=-1)
+    # A row may sum to 1 - 1e-16: without this a draw could fall off its end.
+    total[np.arange(width) >= last[..., None]] = 1.0
+    return total
+
+
+@njit(cache=True, nogil=True)
+def draw(cumulative, u):  # type: ignore[no-untyped-def]
+    """Index of the first entry of ``cumulative`` above ``u``, by bisection.
+
+    The cached loops that call this do not notice a change here: after one, delete the
+    ``__pycache__`` of this folder.
+    """
+    low = 0
+    high = cumulative.shape[0] - 1
+    while low < high:
+        middle = (low + high) >> 1
+        if cumulative[middle] > u:
+            high = middle
+        else:
+            low = middle + 1
+    return low
