@@ -12,6 +12,7 @@ from matplotlib import colormaps
 from thesis_lib.locomotion.terrain import (
     PATCH,
     PRESETS,
+    SUNK,
     SWITCH_AT,
     HeightField,
     greens,
@@ -302,26 +303,41 @@ def test_robots_start_on_their_floor(robot, preset):
 
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("difficulty", [0.5, 1.0])
-def test_ground_is_continuous_at_the_switch(robot, difficulty):
+@pytest.mark.parametrize("switch_at", ["task", None])
+def test_ground_is_continuous_and_nowhere_steeper_than_a_hill(robot, difficulty, switch_at):
     """No step between neighbouring nodes is higher than the steepest hill flank allows."""
-    field = hills(difficulty, 2, robot=robot, switch_at="task")
-    flat = field.x <= SWITCH_AT[robot]
-    floor = FLOOR[robot] - field.z_offset
-    np.testing.assert_allclose(field.heights[:, flat], floor, atol=1e-12)
-    assert np.ptp(field.heights[:, ~flat]) > 0.2 * difficulty
+    field = hills(difficulty, 2, robot=robot, switch_at=switch_at)
     bound = PRESETS["author"].steepest(robot, difficulty)
     for axis, step in enumerate(field.resolution[::-1]):
-        steps = np.abs(np.diff(field.heights, axis=axis)) / step
-        assert steps.max() < bound * 1.01
+        for values in (field.heights, field.surface):
+            assert np.abs(np.diff(values, axis=axis)).max() / step < bound * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_ground_before_the_switch_is_the_flat_floor(robot):
+    field = hills(1.0, 2, robot=robot, switch_at="task")
+    assert field.floor == FLOOR[robot]
+    before = field.x <= SWITCH_AT[robot]
+    assert (field.surface[:, before] == FLOOR[robot]).all()
+    assert np.ptp(field.surface[:, ~before]) > 0.4
+    # More than a metre before the switch the field itself is out of any foot's reach.
+    hidden = field.x < SWITCH_AT[robot] - 1
+    np.testing.assert_allclose(field.z_offset + field.heights[:, hidden], FLOOR[robot] - SUNK)
 
 
 def test_beyond_the_switch_the_hills_are_those_of_the_seed():
     plain = hills(1.0, 6, robot="Ant", flat_patch=None)
     switched = hills(1.0, 6, robot="Ant", switch_at=20.0)
-    # Clamping planes rise at the steepest flank, 0.38, so 1 m of height needs under 2.7 m.
-    far = plain.x > 20 + 2.7
-    np.testing.assert_array_equal(switched.heights[:, far], plain.heights[:, far])
-    assert (switched.heights[:, plain.x <= 20] == pytest.approx(0.1)) is True
+    # The hills may rise at the steepest flank, 0.38, so 0.9 m above the floor need under 2.4 m.
+    far = plain.x > 20 + 2.4
+    expected = np.maximum(plain.surface, 0.0)[:, far]
+    np.testing.assert_allclose(switched.surface[:, far], expected, atol=1e-12)
+    # What the floor fills is little.
+    assert (plain.surface[:, far] < 0).mean() < 0.035
+    x, y = np.meshgrid(np.linspace(25, 90, 31), np.linspace(-45, 45, 31))
+    np.testing.assert_allclose(
+        switched.ground_z(x, y), np.maximum(plain.ground_z(x, y), 0.0), atol=1e-12
+    )
 
 
 def test_patch_leaves_distant_hills_alone():
@@ -346,7 +362,8 @@ def test_the_authors_patch_is_beside_the_robot():
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_no_difficulty_is_flat_ground(robot):
     field = hills(0.0, 0, robot=robot)
-    np.testing.assert_array_equal(field.z_offset + field.heights, FLOOR[robot])
+    np.testing.assert_array_equal(field.surface, FLOOR[robot])
+    assert (hills(0.0, 0, robot=robot, switch_at="task").surface == FLOOR[robot]).all()
 
 
 # -------------------------------------------------------------------------------- the colour map

@@ -126,6 +126,10 @@ steps, as noise begins after a tenth of the steps, but never under the robot at 
 PATCH = 2.0
 """Half the side of the flat start square, metres.  The longest robot reaches 1.5 m."""
 
+SUNK = 0.1
+"""How far below the flat floor a height field lies where a switch map is flat, metres: deeper
+than any foot sinks in, so that there the robot touches the plane alone."""
+
 PRESETS: Mapping[str, HillLaw] = MappingProxyType(
     {
         "author": HillLaw(
@@ -151,7 +155,7 @@ PRESETS: Mapping[str, HillLaw] = MappingProxyType(
 
 @dataclass(frozen=True, eq=False)
 class HeightField:
-    """A piecewise linear ground over a rectangle.
+    """A piecewise linear ground over a rectangle, with or without a plane running through it.
 
     Attributes
     ----------
@@ -164,6 +168,9 @@ class HeightField:
         World z of height 0, metres.
     centre
         World x and y of the rectangle's middle, metres.
+    floor
+        World z of an endless plane that is the ground wherever it is the higher, or None
+        for no plane.
 
     Raises
     ------
@@ -181,6 +188,7 @@ class HeightField:
     half_size: tuple[float, float]
     z_offset: float = 0.0
     centre: tuple[float, float] = (0.0, 0.0)
+    floor: float | None = None
 
     def __post_init__(self) -> None:
         heights = np.array(self.heights, dtype=np.float64)
@@ -220,6 +228,12 @@ class HeightField:
         rows, cols = self.heights.shape
         return 2 * self.half_size[0] / (cols - 1), 2 * self.half_size[1] / (rows - 1)
 
+    @cached_property
+    def surface(self) -> FloatArray:
+        """World z of the ground at the nodes, plane included, shape ``(rows, cols)``, metres."""
+        field = self.z_offset + self.heights
+        return field if self.floor is None else np.maximum(field, self.floor)
+
     def contains(self, x: ArrayLike, y: ArrayLike) -> BoolArray:
         """Whether points lie on the map, edges included.
 
@@ -238,7 +252,7 @@ class HeightField:
         return np.asarray((x >= x0) & (x <= x1) & (y >= y0) & (y <= y1))
 
     def height_at(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
-        """Height of the ground above ``z_offset``.
+        """Height of the field above ``z_offset``, whether or not a plane covers it.
 
         Parameters
         ----------
@@ -255,14 +269,15 @@ class HeightField:
         ValueError
             If a point lies off the map.
         """
-        return self._triangle(x, y)[0]
+        return self._triangle(self.heights, x, y)[0]
 
     def ground_z(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
-        """World z of the ground, metres; arguments as in :meth:`height_at`."""
-        return self.z_offset + self.height_at(x, y)
+        """World z of the ground, metres; arguments and errors as in :meth:`height_at`."""
+        field = self.z_offset + self.height_at(x, y)
+        return field if self.floor is None else np.maximum(field, self.floor)
 
     def slope(self, x: ArrayLike | None = None, y: ArrayLike | None = None) -> FloatArray:
-        """Magnitude of the ground's gradient (rise over run).
+        """Magnitude of the gradient (rise over run) of :attr:`surface`.
 
         Parameters
         ----------
@@ -282,8 +297,8 @@ class HeightField:
         """
         if x is None and y is None:
             dx, dy = self.resolution
-            along_x = np.diff(self.heights, axis=1) / dx
-            along_y = np.diff(self.heights, axis=0) / dy
+            along_x = np.diff(self.surface, axis=1) / dx
+            along_y = np.diff(self.surface, axis=0) / dy
             return np.stack(
                 [
                     np.hypot(along_x[:-1], along_y[:, 1:]),
@@ -292,10 +307,10 @@ class HeightField:
             )
         if x is None or y is None:
             raise ValueError("slope needs both x and y, or neither for the whole map.")
-        return self._triangle(x, y)[1]
+        return self._triangle(self.surface, x, y)[1]
 
-    def _triangle(self, x: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Height and slope of the triangle over each point."""
+    def _triangle(self, h: FloatArray, x: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Value and slope of the nodes' ``h`` on the triangle over each point."""
         x, y = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
         inside = self.contains(x, y)
         if not inside.all():
@@ -311,7 +326,6 @@ class HeightField:
         c = np.minimum(u.astype(np.int64), cols - 2)
         r = np.minimum(v.astype(np.int64), rows - 2)
         u, v = u - c, v - r
-        h = self.heights
         h00, h01, h10, h11 = h[r, c], h[r, c + 1], h[r + 1, c], h[r + 1, c + 1]
         east = u >= v
         rise_x = np.where(east, h01 - h00, h11 - h10)
@@ -351,6 +365,7 @@ def hills(
         (0.2 m, or 0.25 m for the HalfCheetah and the Ant).
     switch_at
         World x, metres, up to which the ground is flat; ``"task"`` for :data:`SWITCH_AT`.
+        The start patch lies before the switch, and ``flat_patch`` then changes nothing.
     flat_patch
         ``"centred"``: a square of half side :data:`PATCH` round the origin, where robots
         start, lies on the robot's floor.  ``"author"``: the box the author's code clears,
@@ -376,9 +391,15 @@ def hills(
 
     Notes
     -----
-    Source: section 5.1 and the author's published terrain code.  Beside flat ground the
-    hills are clamped between two planes that rise and fall from it with the slope of the
+    Source: section 5.1 and the author's published terrain code.  Round the start square the
+    hills are clamped between planes that leave it, up and down, with the slope of the
     steepest possible hill, so the ground is continuous and no blend is steeper than a hill.
+
+    A switch map keeps the flat task's own floor, a plane, and its hills rise through it from
+    the switch on, at most that steeply.  To MuJoCo a flat height field is not a plane (it
+    makes several times as many contacts), so only this way is the world before the switch
+    exactly the flat task.  Valleys deeper than the floor are filled: under 3 % of the ground
+    at difficulty 1.
     """
     law = _named(PRESETS, preset, "preset")
     site = _named(_SITES, robot, "robot")
@@ -418,14 +439,19 @@ def hills(
     if colour_map:
         shape = greens(shape)
     ground = difficulty * law.height[robot] * shape
-    if flat_patch == "centred" or switch is not None:
-        slope = law.steepest(robot, difficulty)
-        _flatten(ground, x, y, floor, slope, flat_patch == "centred", switch)
+    slope = law.steepest(robot, difficulty)
+    if switch is not None:
+        # The hills come up through the floor at the switch, and sink away from it before.
+        highest = floor + slope * (x - switch)
+        ground = np.clip(np.minimum(ground, highest) - floor + SUNK, 0, None)
+    elif flat_patch == "centred":
+        _flatten(ground, x, y, floor, slope)
     return HeightField(
         heights=ground,
         half_size=((x1 - x0) / 2, (y1 - y0) / 2),
-        z_offset=valley,
+        z_offset=valley if switch is None else site.floor - SUNK,
         centre=((x0 + x1) / 2, (y0 + y1) / 2),
+        floor=None if switch is None else site.floor,
     )
 
 
@@ -543,30 +569,16 @@ def _author_patch(shape: FloatArray, x: FloatArray, y: FloatArray, box: Extent) 
     return shape
 
 
-def _flatten(
-    ground: FloatArray,
-    x: FloatArray,
-    y: FloatArray,
-    floor: float,
-    slope: float,
-    patch: bool,
-    switch: float | None,
-) -> None:
-    """Clamp the ground, in place, between planes that leave the flat parts at a slope (metres)."""
+def _flatten(ground: FloatArray, x: FloatArray, y: FloatArray, floor: float, slope: float) -> None:
+    """Clamp the ground, in place, between planes that leave the start square at a slope."""
     # Beyond this distance the planes are above every hill and below every valley.
-    reach = max(ground.max(), floor) / slope if slope > 0 else np.inf
-    low = -np.inf if switch is not None else -PATCH - reach
-    high = (PATCH if switch is None else switch) + reach
-    columns = slice(np.searchsorted(x, low), np.searchsorted(x, high))
-    rows = slice(*np.searchsorted(y, [low, -low]))
-    x, y, near = x[columns], y[rows], ground[rows, columns]
-    distance = np.full(near.shape, np.inf)
-    if patch:
-        off_x, off_y = np.maximum(np.abs(x) - PATCH, 0), np.maximum(np.abs(y) - PATCH, 0)
-        distance = np.hypot(off_x[None, :], off_y[:, None])
-    if switch is not None:
-        distance = np.minimum(distance, np.maximum(x - switch, 0))
-    allowed = slope * distance
+    reach = PATCH + (max(ground.max(), floor) / slope if slope > 0 else np.inf)
+    columns = slice(*np.searchsorted(x, [-reach, reach]))
+    rows = slice(*np.searchsorted(y, [-reach, reach]))
+    near = ground[rows, columns]
+    off_x = np.maximum(np.abs(x[columns]) - PATCH, 0)
+    off_y = np.maximum(np.abs(y[rows]) - PATCH, 0)
+    allowed = slope * np.hypot(off_x[None, :], off_y[:, None])
     near[...] = floor + np.clip(near - floor, -allowed, allowed)
 
 
