@@ -271,6 +271,29 @@ def test_floor_properties_survive_the_ground(models):
             assert np.array_equal(getattr(ours, field), getattr(theirs, field)), (name, field)
 
 
+@EVERY
+def test_a_ground_with_a_floor_rises_through_it(models, name):
+    class Rising(Slope):
+        z_offset = -1.1  # heights 0.1 to 2.1, so from z = -1 at x = -7 to z = 1 at x = 13
+        floor = -0.1 if name == "Swimmer" else 0.0
+
+    model = robots.build_model(name, Rising())
+    for x, expected in ((-6.0, Rising.floor), (2.0, Rising.floor), (10.0, 0.7)):
+        assert surface_z(model, x, 0.0) == pytest.approx(expected, abs=1e-6)
+    flat = models[name].geom(robots.FLOOR)
+    for geom in (robots.FLOOR, robots.HILLS):
+        for field in ("friction", "condim", "contype", "conaffinity", "solimp", "solref", "margin"):
+            assert np.array_equal(getattr(model.geom(geom), field), getattr(flat, field))
+
+
+def test_a_floor_at_another_height_is_refused():
+    class Wrong(Slope):
+        floor = 0.0
+
+    with pytest.raises(ValueError, match=r"robot's floor is at -0\.1 m; draw the terrain"):
+        robots.build_spec("Swimmer", Wrong())
+
+
 def test_edits_come_last_and_in_order():
     seen = []
     robots.build_model(

@@ -26,7 +26,7 @@ FLOOR = "floor"
 """Name of the ground geom, plane or height field, in every model."""
 
 HILLS = "hills"
-"""Name of the height field when a model has one."""
+"""Name of the height field when a model has one, and of its geom where the floor stays."""
 
 ROOT_BODY = "torso"
 """Name of the body whose subtree is the whole robot."""
@@ -55,6 +55,12 @@ class Ground(Protocol):
         World x and y of the middle of the map, in metres.
     z_offset
         World z of height 0, in metres.
+
+    Notes
+    -----
+    An optional attribute ``floor`` holds the world z of the robot's flat floor, which then
+    stays in place, and the ground is the higher of the two.  Without it, or with None, the
+    height field replaces the floor.
     """
 
     @property
@@ -293,8 +299,19 @@ _EDITS: Mapping[str, SpecEdit] = MappingProxyType(
 )
 
 
+_SURFACE = (
+    *("friction", "condim", "contype", "conaffinity", "solref", "solimp", "solmix"),
+    *("margin", "gap", "priority", "material", "rgba"),
+)
+"""What a height field beside the floor plane takes over from it."""
+
+
 def _lay_ground(spec: mujoco.MjSpec, ground: Ground) -> None:
-    """Turn the floor plane into a height field with the surface of ``ground``."""
+    """Turn the floor plane into a height field, or let one rise through it.
+
+    A level height field is not, to the engine, a plane: it makes more contacts.  A ground
+    with a ``floor`` therefore keeps the plane, and its surface is the higher of the two.
+    """
     heights = np.asarray(ground.heights, dtype=np.float64)
     if heights.ndim != 2 or min(heights.shape) < 2 or not np.isfinite(heights).all():
         raise ValueError(
@@ -314,9 +331,21 @@ def _lay_ground(spec: mujoco.MjSpec, ground: Ground) -> None:
         userdata=heights.ravel(),
     )
     floor = spec.geom(FLOOR)
-    floor.type = mujoco.mjtGeom.mjGEOM_HFIELD
-    floor.hfieldname = HILLS
-    floor.pos = [x, y, ground.z_offset + low]
+    plane_z = getattr(ground, "floor", None)
+    if plane_z is None:
+        field = floor
+    elif plane_z != floor.pos[2]:
+        raise ValueError(
+            f"The terrain's flat part is at z = {plane_z} m, but this robot's floor is at "
+            f"{floor.pos[2]} m; draw the terrain for this robot."
+        )
+    else:
+        field = spec.worldbody.add_geom(name=HILLS)
+        for name in _SURFACE:
+            setattr(field, name, getattr(floor, name))
+    field.type = mujoco.mjtGeom.mjGEOM_HFIELD
+    field.hfieldname = HILLS
+    field.pos = [x, y, ground.z_offset + low]
 
 
 def build_spec(
