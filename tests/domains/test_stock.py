@@ -167,3 +167,23 @@ def test_bad_input_is_one_sentence():
         stock(1, 2, 11).tasks[0].to_tabular()
     with pytest.raises(ValueError, match="state bits"):
         StockSize(1, 1, 1).state([1], [2], [0])
+
+
+def test_monte_carlo_returns_match_the_exact_value():
+    # Uniformly random trading for 150 steps at discount .9 (.9^150 < 1e-6).
+    task = stock(1, 2, 1).tasks[4]
+    dense = task.to_tabular()
+    chain = dense.transition.mean(axis=1)
+    exact = np.linalg.solve(np.eye(task.n_states) - 0.9 * chain, task.reward.mean(axis=1))
+    listed = task.outcomes()
+    cumulative = listed.probability.cumsum(axis=2)
+    rng = np.random.default_rng(8)
+    n = 4000
+    state, returns = rng.integers(task.n_states, size=n), np.zeros(n)
+    for t in range(150):
+        action = rng.integers(2, size=n)
+        k = (cumulative[state, action] < rng.random(n)[:, None]).sum(axis=1)
+        returns += 0.9**t * listed.reward[state, action, k]
+        state = listed.successor[state, action, k]
+    error = returns.std(ddof=1) / np.sqrt(n)
+    assert abs(returns.mean() - exact.mean()) < 4 * error
