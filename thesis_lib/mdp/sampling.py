@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -71,20 +72,39 @@ def sampler(mdp: MDP) -> Sampler:
             f"{mdp.start[start[ended][0]]:.6g}, but an episode must start in a non-terminal state."
         )
     built = Sampler(
-        np.ascontiguousarray(outcomes.successor, dtype=np.int32),
-        _cumulative(outcomes.probability),
-        np.ascontiguousarray(outcomes.reward, dtype=np.float64),
+        loop_array(outcomes.successor, np.int32),
+        cumulative(outcomes.probability),
+        loop_array(outcomes.reward, np.float64),
         start.astype(np.int32),
-        _cumulative(mdp.start[start]),
-        np.ascontiguousarray(mdp.terminal),
+        cumulative(mdp.start[start]),
+        loop_array(mdp.terminal, np.bool_),
     )
     if built.successor.size <= CACHED_OUTCOMES:
         mdp.__dict__["_sampler"] = built
     return built
 
 
-def _cumulative(probability: FloatArray) -> FloatArray:
-    """Cumulative sums over the last axis, exactly 1 from the last possible outcome on."""
+def loop_array(array: NDArray[Any], dtype: type[np.generic]) -> NDArray[Any]:
+    """Return an array in the one form the loops are compiled for, copied only if need be.
+
+    Numba would compile a loop anew for a read-only array or another memory order.
+    """
+    return np.require(array, dtype, ["C", "W"])
+
+
+def cumulative(probability: FloatArray) -> FloatArray:
+    """Cumulative sums over the last axis, exactly 1 from the last possible outcome on.
+
+    Parameters
+    ----------
+    probability
+        Rows of probabilities, shape ``(..., K)``.
+
+    Returns
+    -------
+    FloatArray
+        Shape ``(..., K)``.
+    """
     total = np.cumsum(probability, axis=-1)
     width = probability.shape[-1]
     last = width - 1 - np.argmax(probability[..., ::-1] > 0, axis=-1)
@@ -94,17 +114,17 @@ def _cumulative(probability: FloatArray) -> FloatArray:
 
 
 @njit(cache=True, nogil=True)
-def draw(cumulative, u):  # type: ignore[no-untyped-def]
-    """Index of the first entry of ``cumulative`` above ``u``, by bisection.
+def draw(row, u):  # type: ignore[no-untyped-def]
+    """Index of the first entry of the cumulative ``row`` above ``u``, by bisection.
 
     The cached loops that call this do not notice a change here: after one, delete the
     ``__pycache__`` of this folder.
     """
     low = 0
-    high = cumulative.shape[0] - 1
+    high = row.shape[0] - 1
     while low < high:
         middle = (low + high) >> 1
-        if cumulative[middle] > u:
+        if row[middle] > u:
             high = middle
         else:
             low = middle + 1
