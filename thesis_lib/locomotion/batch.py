@@ -449,6 +449,16 @@ class BatchTask:
         return self._true.copy()
 
     @property
+    def observation(self) -> FloatArray:
+        """Copy of what the policy sees now, shape ``(n, D)``."""
+        return self._seen.copy()
+
+    @property
+    def com(self) -> FloatArray:
+        """Copy of the centres of mass, shape ``(n, 3)``, in metres."""
+        return self._fields.com.copy()
+
+    @property
     def qpos(self) -> FloatArray:
         """Copy of all positions in the model's order, shape ``(n, nq)``."""
         return self._fields.qpos.copy()
@@ -462,6 +472,10 @@ class BatchTask:
     def engine_warnings(self) -> dict[str, int]:
         """How often the engine has warned in any world since the last seeding, by kind."""
         return dict(zip(_WARNINGS, self._warned.tolist(), strict=True))
+
+    def ground_id(self, world: int) -> int:
+        """Number of the ground a world stands on; worlds on the same ground share it."""
+        return int(self._ground_of[world])
 
     def get_model(self, world: int) -> mujoco.MjModel:
         """Return a copy of the model that a world runs on now."""
