@@ -132,7 +132,10 @@ class CrossTaskProblem:
         return np.asarray((self.domain.distribution * (weights * values).sum(-1)).sum(-1))
 
     def state_distribution(self, policy: FloatArray) -> FloatArray:
-        """Share of time p(s|m, mu) spent in each member state, shape ``(..., M, S)``."""
+        """Share of time p(s|m, mu) spent in each member state, shape ``(..., M, S)``.
+
+        Unique for policies that give every action a positive probability, as a softmax does.
+        """
         chain, _ = self._under(policy)
         recurrent = self._restarted(chain)
         size = chain.shape[-1]
@@ -248,7 +251,7 @@ class GeneticAlgorithm:
     population: int = 100
     mutation_probability: float = 0.5
     mutation_size: float = 0.05
-    generations: int = 2000
+    generations: int = 1000
     selection: Literal["truncation", "tournament", "roulette"] = "truncation"
     elite: int = 1
     initial: float = 1.0

@@ -296,7 +296,7 @@ def findings_markdown(results: Path | str) -> str:
 
 
 def _chapter_of(section: str) -> str:
-    first = section.replace("Table ", "").replace("Figure ", "").replace("Theorem ", "")
+    first = section.replace("Table ", "").replace("Figure ", "")
     if first[:1].isdigit():
         return f"Chapter {first.split('.')[0].split(' ')[0]}"
     return f"Appendix {section.split()[-1][0]}" if section.startswith("Appendix") else section

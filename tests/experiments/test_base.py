@@ -1,0 +1,141 @@
+"""Experiments, their budgets, provenance and files."""
+
+import json
+import os
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thesis_lib.experiments import base
+
+
+@dataclass(frozen=True)
+class Config:
+    n: int = 3
+
+
+def noise(config: Config, context: base.Context) -> pd.DataFrame:
+    values = context.map(
+        lambda seed: float(np.random.default_rng(seed).normal()), context.seeds(config.n)
+    )
+    return pd.DataFrame({"run": range(config.n), "value": values})
+
+
+EXPERIMENT = base.Experiment(
+    id="toy",
+    item="Toy",
+    title="Noise.",
+    function=noise,
+    budgets={"smoke": Config(2), "book": Config(5), "thesis": Config(7)},
+    columns={"run": "index", "value": "a normal number"},
+    seconds={"smoke": 0, "book": 0, "thesis": 0},
+)
+
+
+def test_same_seed_same_table_whatever_the_number_of_workers():
+    tables = [EXPERIMENT.run("thesis", seed=4, workers=w).table for w in (1, 2, 3)]
+    pd.testing.assert_frame_equal(tables[0], tables[1])
+    pd.testing.assert_frame_equal(tables[0], tables[2])
+    assert not EXPERIMENT.run("thesis", seed=5).table.equals(tables[0])
+
+
+def test_seeds_are_independent_of_how_many_are_asked_for():
+    context = base.Context(seed=3)
+    few = [s.generate_state(1)[0] for s in context.seeds(2)]
+    many = [s.generate_state(1)[0] for s in context.seeds(9)]
+    assert few == many[:2]
+    assert context.seeds(1, 1)[0].generate_state(1)[0] != few[0]
+
+
+def test_save_and_load_round_trip(tmp_path):
+    result = EXPERIMENT.run("smoke", seed=1)
+    path = result.save(tmp_path / "new")
+    table, provenance = base.load("toy", tmp_path / "new")
+    pd.testing.assert_frame_equal(table, result.table)
+    assert path.name == "toy.csv"
+    assert provenance["config"] == {"n": 2}
+    assert provenance["seed"] == 1
+    assert provenance["budget"] == "smoke"
+    assert {"versions", "commit", "wall_seconds", "python"} <= set(provenance)
+    assert sorted(p.name for p in (tmp_path / "new").iterdir()) == ["toy.csv", "toy.json"]
+
+
+def test_a_large_table_is_parquet_and_replaces_the_small_one(tmp_path):
+    EXPERIMENT.run("smoke").save(tmp_path)
+    big = EXPERIMENT.run(config=Config(base.ROWS_IN_CSV + 1))
+    assert big.save(tmp_path).suffix == ".parquet"
+    table, provenance = base.load("toy", tmp_path)
+    assert len(table) == base.ROWS_IN_CSV + 1
+    assert provenance["budget"] == "custom"
+    assert not (tmp_path / "toy.csv").exists()
+
+
+def test_a_write_that_fails_leaves_the_old_file_and_no_half_one(tmp_path):
+    target = tmp_path / "file.txt"
+    target.write_text("old")
+
+    def interrupted():
+        with base.replacing(target) as temporary:
+            temporary.write_text("half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert target.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_columns_must_be_documented():
+    undocumented = base.Experiment(
+        **{**{f: getattr(EXPERIMENT, f) for f in EXPERIMENT.__dataclass_fields__}, "columns": {}}
+    )
+    with pytest.raises(RuntimeError, match="documents"):
+        undocumented.run("smoke")
+
+
+def test_unknown_budget_names_the_allowed_ones():
+    with pytest.raises(ValueError, match="'fast' does not exist: choose one of smoke, book, thes"):
+        EXPERIMENT.run("fast")
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, True, "3"])
+def test_bad_seed(seed):
+    with pytest.raises(ValueError, match="must be an integer of at least 0"):
+        EXPERIMENT.run("smoke", seed=seed)
+
+
+def test_workers_must_be_positive():
+    with pytest.raises(ValueError, match="workers is 0"):
+        EXPERIMENT.run("smoke", workers=0)
+
+
+def test_missing_result_names_the_command(tmp_path):
+    with pytest.raises(FileNotFoundError, match="thesis run toy"):
+        base.load("toy", tmp_path)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_directory_without_permission(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(ValueError, match="cannot be written to"):
+        base.writable_directory(tmp_path / "x")
+
+
+def test_directory_that_is_a_file(tmp_path):
+    (tmp_path / "f").write_text("")
+    with pytest.raises(ValueError, match="cannot be written to"):
+        base.writable_directory(tmp_path / "f")
+
+
+def test_provenance_is_plain_json(tmp_path):
+    EXPERIMENT.run("smoke").save(tmp_path)
+    json.loads((tmp_path / "toy.json").read_text())
+
+
+def test_results_directory_follows_the_environment(monkeypatch, tmp_path):
+    monkeypatch.setenv("THESIS_RESULTS", str(tmp_path))
+    assert base.results_directory("book") == tmp_path
+    monkeypatch.delenv("THESIS_RESULTS")
+    assert base.results_directory("book").parts[-3:] == ("_build", "results", "book")

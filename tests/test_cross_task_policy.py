@@ -1,0 +1,131 @@
+"""The cross-task policy (section 3.3.5): exact objective, exact gradient, searches."""
+
+import numpy as np
+import pytest
+
+from thesis_lib.cross_task_policy import (
+    OBJECTIVES,
+    CrossTaskProblem,
+    GeneticAlgorithm,
+    climb,
+    softmax_policy,
+)
+from thesis_lib.domains import Domain, continuing_cliff, episodic_cliff
+from thesis_lib.mdp.model import TabularMDP
+
+DOMAINS = {"episodic": episodic_cliff(), "continuing": continuing_cliff(discount=0.9)}
+
+
+def bandits(discount=0.5):
+    """Two one-state continuing tasks; action A earns 1 in one and B earns 3 in the other."""
+    tasks = tuple(
+        TabularMDP(np.ones((1, 2, 1)), [reward], [1.0], discount=discount)
+        for reward in ([1.0, 0.0], [0.0, 3.0])
+    )
+    return Domain("bandits", tasks)
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_value_by_hand(objective):
+    problem = CrossTaskProblem(bandits(), objective)
+    policy = np.array([[0.25, 0.75]])
+    # Mean reward per step .5 * .25 * 1 + .5 * .75 * 3, over 1 - gamma.
+    assert problem.value(policy) == pytest.approx((0.125 + 1.125) / 0.5)
+
+
+@pytest.mark.parametrize("domain", DOMAINS)
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_gradient_against_finite_differences(domain, objective):
+    problem = CrossTaskProblem(DOMAINS[domain], objective)
+    rng = np.random.default_rng(0)
+    theta = rng.normal(size=problem.domain.shape)
+    value, gradient = problem.gradient(theta)
+    assert value == pytest.approx(float(problem.value(softmax_policy(theta))), rel=1e-9)
+    for _ in range(6):
+        direction = rng.normal(size=theta.shape)
+        h = 1e-5
+        ends = [problem.value(softmax_policy(theta + s * h * direction)) for s in (1, -1)]
+        slope = (ends[0] - ends[1]) / (2 * h)
+        assert (gradient * direction).sum() == pytest.approx(slope, rel=1e-5)
+
+
+def test_stationary_objective_is_the_average_reward():
+    """Equation 3.11 equals the average payoff per step over 1 - gamma in a continuing task."""
+    domain = DOMAINS["continuing"]
+    problem = CrossTaskProblem(domain, "stationary")
+    policy = softmax_policy(np.random.default_rng(1).normal(size=domain.shape))
+    average = 0.0
+    for m, task in enumerate(domain.tasks):
+        index = domain.observation_index[m]
+        inside = np.flatnonzero(index >= 0)
+        mu = policy[index[inside]]
+        chain = np.einsum("sa,sat->st", mu, task.transition[inside][:, :, inside])
+        share = np.full(len(inside), 1 / len(inside))
+        for _ in range(5000):  # power iteration, half a step at a time against periodicity
+            share = 0.5 * share + 0.5 * share @ chain
+        average += domain.distribution[m] * float((share[:, None] * mu * task.reward[inside]).sum())
+    assert problem.value(policy) == pytest.approx(average / (1 - domain.discount), rel=1e-8)
+
+
+def test_values_agree_with_exact_evaluation():
+    from thesis_lib import potentials
+
+    domain = DOMAINS["episodic"]
+    problem = CrossTaskProblem(domain, "start")
+    policy = softmax_policy(np.random.default_rng(2).normal(size=domain.shape))
+    exact = 0.0
+    for m, (task, q, mu) in enumerate(
+        zip(
+            domain.tasks,
+            potentials.policy_values(domain, policy),
+            potentials.task_policies(domain, policy),
+            strict=True,
+        )
+    ):
+        exact += domain.distribution[m] * float(task.start @ (mu * q).sum(axis=1))
+    assert problem.value(policy) == pytest.approx(exact, rel=1e-7)
+
+
+def test_climbing_solves_the_bandits():
+    found = climb(CrossTaskProblem(bandits()), np.random.default_rng(0), restarts=3)
+    assert found.value == pytest.approx(3.0, rel=1e-4)  # always B: .5 * 3 / .5
+    assert found.policy[0, 1] > 0.999
+
+
+def test_climbing_beats_random_search():
+    """3,000 random soft policies and 3,000 that are all but deterministic."""
+    problem = CrossTaskProblem(DOMAINS["continuing"], "stationary")
+    found = climb(problem, np.random.default_rng(0), restarts=12)
+    rng = np.random.default_rng(1)
+    soft = softmax_policy(rng.normal(scale=3, size=(3000, *problem.domain.shape)))
+    assert found.value > problem.value(soft).max()
+    hard = np.eye(4)[rng.integers(4, size=(3000, problem.domain.shape[0]))]
+    assert found.value > problem.value(0.999 * hard + 0.001 / 4).max()
+
+
+@pytest.mark.parametrize("selection", ["truncation", "tournament", "roulette"])
+def test_genetic_algorithm_improves_and_never_beats_the_optimum(selection):
+    problem = CrossTaskProblem(bandits())
+    ga = GeneticAlgorithm(generations=150, population=30, selection=selection)
+    found = ga.search(problem, np.random.default_rng(0))
+    assert (np.diff(found.history) >= 0).all()
+    assert found.history[0] < found.value <= 3.0
+    assert found.value == pytest.approx(float(problem.value(found.policy)))
+
+
+def test_genetic_algorithm_is_deterministic_under_a_seed():
+    problem = CrossTaskProblem(DOMAINS["episodic"])
+    ga = GeneticAlgorithm(generations=5)
+    a, b = (ga.search(problem, np.random.default_rng(7)) for _ in range(2))
+    assert np.array_equal(a.policy, b.policy)
+
+
+def test_bad_input():
+    with pytest.raises(ValueError, match="choose one of start, stationary"):
+        CrossTaskProblem(bandits(), "best")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="choose truncation, tournament or roulette"):
+        GeneticAlgorithm(selection="luck")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="population 1"):
+        GeneticAlgorithm(population=1)
+    with pytest.raises(ValueError, match="restarts is 0"):
+        climb(CrossTaskProblem(bandits()), np.random.default_rng(0), restarts=0)

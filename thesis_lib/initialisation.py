@@ -1,0 +1,236 @@
+r"""Optimal initialisation for value iteration (section 3.3.1, theorem 1).
+
+Synchronous value iteration contracts: after n sweeps of task m,
+:math:`\|Q^*_m - Q^n_m\|_\infty \le \gamma^n \delta_m` with
+:math:`\delta_m = \|Q^*_m - Q_0\|_\infty`.  To come within :math:`\varepsilon` it is therefore
+enough that :math:`n \ge \log_\gamma(\varepsilon / \delta_m)`, and over tasks (eq. 3.2) the
+bound is smallest where the weighted geometric mean of the :math:`\delta_m` is.
+
+The theorem's objective is degenerate: at any single task's :math:`Q^*_m` one factor, and
+so the product, is 0.  :func:`geometric_mean_minimiser` therefore minimises
+:math:`\sum_m D(m) \log(\delta_m + \tau)`, which is finite for :math:`\tau > 0`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import optimize, sparse
+
+from thesis_lib.domains.domain import Domain
+from thesis_lib.mdp.model import MDP, FloatArray
+
+
+def distances(domain: Domain, tables: Sequence[ArrayLike], q0: ArrayLike) -> FloatArray:
+    r"""Max-norm distance :math:`\delta_m` of an initialisation to each task's values.
+
+    Parameters
+    ----------
+    domain
+        The domain.
+    tables
+        :math:`Q^*_m`, each ``(S_m, A)``.
+    q0
+        Shape ``(O, A)``.
+
+    Returns
+    -------
+    FloatArray
+        Shape ``(M,)``; the maximum runs over a task's own pairs.
+    """
+    gap = np.abs(domain.gather(tables) - np.asarray(q0, dtype=float))
+    return np.nanmax(gap, axis=(1, 2))
+
+
+def log_geometric_mean(distribution: ArrayLike, delta: ArrayLike) -> float:
+    r"""The theorem's objective :math:`\log\prod_m \delta_m^{D(m)}`; minus infinity at a zero."""
+    with np.errstate(divide="ignore"):
+        return float(np.dot(np.asarray(distribution), np.log(np.asarray(delta))))
+
+
+def sufficient_sweeps(delta: ArrayLike, tolerance: float, discount: float) -> FloatArray:
+    r"""Sweeps that are enough, :math:`\log_\gamma(\varepsilon / \delta_m)`, 0 if already there.
+
+    Parameters
+    ----------
+    delta
+        :math:`\delta_m`, shape ``(M,)``.
+    tolerance
+        :math:`\varepsilon > 0`.
+    discount
+        gamma in (0, 1).
+
+    Returns
+    -------
+    FloatArray
+        Real-valued, shape ``(M,)``: the bound of (3.2) before averaging over tasks.
+    """
+    _check(tolerance, discount)
+    d = np.maximum(np.asarray(delta, dtype=float), tolerance)
+    return np.log(tolerance / d) / np.log(discount)
+
+
+def measured_sweeps(
+    mdp: MDP, q_star: FloatArray, q0: FloatArray, tolerance: float, most: int = 100_000
+) -> int:
+    r"""Sweeps of synchronous value iteration until :math:`\|Q^*-Q^n\|_\infty \le \varepsilon`.
+
+    Parameters
+    ----------
+    mdp
+        The task.
+    q_star
+        Its optimal values, shape ``(S, A)``.
+    q0
+        Where to start, shape ``(S, A)``; terminal states are set to 0, as they are known.
+    tolerance
+        :math:`\varepsilon > 0`.
+    most
+        Give up after so many sweeps.
+
+    Returns
+    -------
+    int
+        The number of sweeps n, 0 when q0 is already close enough.
+    """
+    _check(tolerance, mdp.discount)
+    q = np.where(mdp.terminal[:, None], 0.0, q0)
+    for n in range(most):
+        if np.abs(q_star - q).max() <= tolerance:
+            return n
+        q = mdp.lookahead(q.max(axis=1))
+    raise RuntimeError(f"value iteration is not within {tolerance} of Q* after {most} sweeps.")
+
+
+def midrange(domain: Domain, tables: Sequence[ArrayLike]) -> FloatArray:
+    """Middle between the largest and the smallest task value of each pair, ``(O, A)``.
+
+    It minimises the largest distance to any task.
+    """
+    stacked = domain.gather(tables)
+    return (np.nanmax(stacked, axis=0) + np.nanmin(stacked, axis=0)) / 2
+
+
+def mean_distance_minimiser(
+    domain: Domain, tables: Sequence[ArrayLike], weights: ArrayLike | None = None
+) -> FloatArray:
+    r"""Initialisation with the smallest weighted mean distance, a linear programme.
+
+    .. math:: \min_{Q_0} \sum_m w_m \delta_m \quad
+              \text{s.t. } |Q^*_m(x) - Q_0(x)| \le \delta_m
+
+    Parameters
+    ----------
+    domain
+        The domain.
+    tables
+        :math:`Q^*_m`, each ``(S_m, A)``.
+    weights
+        :math:`w_m \ge 0`, shape ``(M,)``; default D(m).
+
+    Returns
+    -------
+    FloatArray
+        Shape ``(O, A)``.
+    """
+    stacked = domain.gather(tables).reshape(len(domain), -1)
+    n_tasks, n_pairs = stacked.shape
+    w = domain.distribution if weights is None else np.asarray(weights, dtype=float)
+    task, pair = np.nonzero(~np.isnan(stacked))
+    value = stacked[task, pair]
+    row, one = np.arange(len(task)), np.ones(len(task))
+    shape = (len(task), n_pairs + n_tasks)
+    above = sparse.coo_matrix((one, (row, pair)), shape)
+    slack = sparse.coo_matrix((one, (row, n_pairs + task)), shape)
+    solution = optimize.linprog(
+        np.concatenate([np.zeros(n_pairs), w]),
+        A_ub=sparse.vstack([above - slack, -above - slack]).tocsr(),
+        b_ub=np.concatenate([value, -value]),
+        bounds=[(None, None)] * n_pairs + [(0, None)] * n_tasks,
+        method="highs",
+    )
+    if not solution.success:
+        raise RuntimeError(f"the linear programme was not solved: {solution.message}")
+    return np.asarray(solution.x[:n_pairs]).reshape(domain.shape)
+
+
+def geometric_mean_minimiser(
+    domain: Domain,
+    tables: Sequence[ArrayLike],
+    smoothing: float,
+    *,
+    iterations: int = 50,
+    starts: Sequence[ArrayLike] = (),
+) -> FloatArray:
+    r"""Local minimiser of the smoothed objective :math:`\sum_m D(m)\log(\delta_m + \tau)`.
+
+    The logarithm is concave, so it lies below its tangent: each step minimises the tangent,
+    a linear programme with weights :math:`D(m) / (\delta_m + \tau)`, and the objective never
+    rises.
+
+    Parameters
+    ----------
+    domain
+        The domain.
+    tables
+        :math:`Q^*_m`, each ``(S_m, A)``.
+    smoothing
+        :math:`\tau > 0`, in the units of value.  With a small one, the minimiser is (close
+        to) a single task's :math:`Q^*_m`.
+    iterations
+        Most programmes a start.
+    starts
+        Initialisations ``(O, A)`` to descend from, besides the minimiser of the mean
+        distance; the best end is returned.
+
+    Returns
+    -------
+    FloatArray
+        Shape ``(O, A)``.
+    """
+    if not smoothing > 0:
+        raise ValueError(
+            f"smoothing is {smoothing}, but it must be positive: at 0 the objective of theorem 1 "
+            "is minus infinity at every single task's Q*."
+        )
+    best, lowest = None, np.inf
+    for start in (mean_distance_minimiser(domain, tables), *starts):
+        q0 = np.asarray(start, dtype=float)
+        value = _smoothed(domain, tables, q0, smoothing)
+        for _ in range(iterations):
+            weights = domain.distribution / (distances(domain, tables, q0) + smoothing)
+            candidate = mean_distance_minimiser(domain, tables, weights / weights.sum())
+            improved = _smoothed(domain, tables, candidate, smoothing)
+            if improved > value - 1e-9:
+                break
+            q0, value = candidate, improved
+        if value < lowest:
+            best, lowest = q0, value
+    assert best is not None
+    return best
+
+
+def _smoothed(
+    domain: Domain, tables: Sequence[ArrayLike], q0: FloatArray, smoothing: float
+) -> float:
+    return log_geometric_mean(domain.distribution, distances(domain, tables, q0) + smoothing)
+
+
+def single_task(
+    domain: Domain, tables: Sequence[ArrayLike], task: int, fallback: ArrayLike
+) -> FloatArray:
+    """One task's values for all tasks, ``fallback`` on the pairs it lacks, ``(O, A)``."""
+    own = domain.gather(tables)[task]
+    return np.where(np.isnan(own), np.asarray(fallback, dtype=float), own)
+
+
+def _check(tolerance: float, discount: float) -> None:
+    if not tolerance > 0:
+        raise ValueError(f"tolerance is {tolerance}, but it must be positive.")
+    if not 0 < discount < 1:
+        raise ValueError(
+            f"the discount is {discount}, but theorem 1 needs one strictly between 0 and 1; build "
+            "the domain with another discount."
+        )
