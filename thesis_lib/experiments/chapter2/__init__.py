@@ -1,5 +1,23 @@
-"""Experiments of chapter 2."""
+"""Experiments of chapter 2, Background."""
+
+from typing import Any
 
 from thesis_lib.experiments.base import Experiment
+from thesis_lib.experiments.chapter2.cliff_learning import (
+    SECTION_2_3_3,
+    SECTION_2_3_3_CONVERGENCE,
+    SECTION_2_3_3_CURVE,
+    SECTION_2_3_3_EXPLORATION,
+)
+from thesis_lib.experiments.chapter2.dynamic_programming import SECTION_2_3_2
+from thesis_lib.experiments.chapter2.estimators import SECTION_2_3_4, SECTION_2_3_5
 
-EXPERIMENTS: tuple[Experiment, ...] = ()
+EXPERIMENTS: tuple[Experiment[Any], ...] = (
+    SECTION_2_3_2,
+    SECTION_2_3_3,
+    SECTION_2_3_3_CURVE,
+    SECTION_2_3_3_EXPLORATION,
+    SECTION_2_3_3_CONVERGENCE,
+    SECTION_2_3_4,
+    SECTION_2_3_5,
+)

@@ -1,0 +1,107 @@
+"""The judges of chapter 2 on tables made by hand, once for each side of the criterion."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thesis_lib.claims import Claim, Verdict
+from thesis_lib.claims.chapter2 import CLAIMS, DIFFERENCES
+from thesis_lib.experiments import experiments
+from thesis_lib.experiments.chapter2 import SECTION_2_3_4, SECTION_2_3_5
+
+BY_ID: dict[str, Claim] = {claim.id: claim for claim in CLAIMS}
+
+
+def online(
+    sarsa: float = -39_000, q_learning: float = -58_000, edge: int = 2, excess: float = 60.0
+) -> dict[str, pd.DataFrame]:
+    """Ten runs of each learner around the given means."""
+    wiggle = np.linspace(-1, 1, 10)
+    frames = [
+        pd.DataFrame(
+            {
+                "method": method,
+                "total_reward": total + 500 * wiggle,
+                "falls": falls + 2 * wiggle,
+                "cells_at_edge": cells,
+                "late_return": -80 + wiggle,
+                "estimate": -80 + gap,
+            }
+        )
+        for method, total, falls, cells, gap in (
+            ("q_learning", q_learning, 54, edge, excess),
+            ("sarsa", sarsa, 31, 0, 0.0),
+        )
+    ]
+    return {"section-2.3.3": pd.concat(frames)}
+
+
+def converged(q_learning: float = 0.1, sarsa: float = -11.0) -> dict[str, pd.DataFrame]:
+    """Two runs of each learner: distance of Q-learning from Q*, learned start value of Sarsa."""
+    shared = {
+        "exploration": "constant",
+        "epsilon": 0.1,
+        "step": 100,
+        "start_optimal": -5.0,
+        "start_soft": -11.3,
+        "gap": 15.0,
+    }
+    rows = [
+        {"method": "q_learning", "start_value": -5.0, "error_optimal": q_learning, **shared},
+        {"method": "sarsa", "start_value": sarsa, "error_optimal": 20.0, **shared},
+    ]
+    return {"section-2.3.3-convergence": pd.DataFrame([*rows, *rows])}
+
+
+@pytest.mark.parametrize(
+    ("claim", "tables", "verdict"),
+    [
+        ("2.3.3-sarsa-online", online(), Verdict.REPRODUCED),
+        ("2.3.3-sarsa-online", online(sarsa=-70_000), Verdict.REFUTED),
+        ("2.3.3-sarsa-online", online(sarsa=-57_990), Verdict.DIRECTION),
+        ("2.3.3-sarsa-online", online(sarsa=-58_010), Verdict.NOT_REPRODUCED),
+        ("3.4.1-q-learning-walks-the-edge", online(), Verdict.REPRODUCED),
+        ("3.4.1-q-learning-walks-the-edge", online(edge=0), Verdict.NOT_REPRODUCED),
+        ("2.3.3-q-learning-optimistic", online(), Verdict.REPRODUCED),
+        ("2.3.3-q-learning-optimistic", online(excess=-5), Verdict.NOT_REPRODUCED),
+        ("2.3.3-q-learning-converges", converged(), Verdict.REPRODUCED),
+        ("2.3.3-q-learning-converges", converged(q_learning=3), Verdict.NOT_REPRODUCED),
+        ("2.3.3-sarsa-cannot-converge", converged(), Verdict.REPRODUCED),
+        ("2.3.3-sarsa-cannot-converge", converged(sarsa=-5.5), Verdict.NOT_REPRODUCED),
+    ],
+)
+def test_judges(claim: str, tables: dict[str, pd.DataFrame], verdict: Verdict) -> None:
+    finding = BY_ID[claim].judge(tables)
+    assert finding.verdict is verdict
+    assert finding.evidence.endswith(".")
+
+
+@pytest.fixture(scope="module")
+def exact() -> dict[str, pd.DataFrame]:
+    return {e.id: e.run("book").table for e in (SECTION_2_3_4, SECTION_2_3_5)}
+
+
+@pytest.mark.parametrize(
+    ("claim", "verdict"),
+    [
+        ("2.3.4-discounting-bias", Verdict.REPRODUCED),
+        ("2.3.4-return-to-go-bias", Verdict.REFUTED),  # Williams 1992: E[score_t r_s] = 0, s < t
+        ("2.3.4-baseline", Verdict.REPRODUCED),
+        ("2.3.4-td-error", Verdict.REFUTED),  # holds in expectation only
+        ("2.3.5-kl-quadratic", Verdict.REFUTED),  # the second-order term carries 1/2
+    ],
+)
+def test_exact_claims(exact: dict[str, pd.DataFrame], claim: str, verdict: Verdict) -> None:
+    assert BY_ID[claim].judge(exact).verdict is verdict
+
+
+def test_effects(exact: dict[str, pd.DataFrame]) -> None:
+    half, fisher = (d.effect(exact) for d in DIFFERENCES)
+    assert "1.414" in half  # the square root of 2
+    assert "6.000" in fisher  # the number of steps
+
+
+def test_evidence_exists() -> None:
+    known = experiments()
+    for entry in (*CLAIMS, *DIFFERENCES):
+        assert set(entry.experiments) <= set(known)
