@@ -353,10 +353,12 @@ def test_stable_baselines3_trains_unmodified(env_id):
 
     torch.set_num_threads(1)
     env = gymnasium.make(env_id)
-    check(env, warn=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check(env, warn=True)
     model = PPO("MlpPolicy", env, n_steps=1000, batch_size=250, n_epochs=2, seed=0)
     model.learn(10_000)
     assert model.num_timesteps >= 10_000
     action, _ = model.predict(env.reset(seed=0)[0], deterministic=True)
-    assert env.action_space.contains(np.asarray(action, dtype=np.float64))
+    assert env.action_space.contains(action)
     assert all(np.isfinite(p.detach().numpy()).all() for p in model.policy.parameters())

@@ -153,7 +153,7 @@ class TaskOptions:
 def _spaces(batch: BatchTask) -> tuple[Box, Box]:
     bound = np.full(batch.observation_size, OBSERVATION_BOUND)
     observations = Box(-bound, bound, dtype=np.float64)
-    return observations, Box(-1.0, 1.0, (batch.action_size,), dtype=np.float64)
+    return observations, Box(-1.0, 1.0, (batch.action_size,), dtype=np.float32)
 
 
 def _check_render_mode(render_mode: str | None) -> None:
