@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from thesis_lib.mdp.model import TabularMDP
+from thesis_lib.mdp.model import MDP, Outcomes, TabularMDP
 
 
 def random_mdp(
@@ -43,3 +43,42 @@ def chain(n: int = 4, discount: float = 0.5) -> TabularMDP:
     P[n, :, n] = 1.0
     R[n - 1, 1] = 8.0
     return TabularMDP(P, R, np.eye(n + 1)[0], np.arange(n + 1) == n, discount)
+
+
+def reversed_chain(n: int = 4, discount: float = 0.5) -> TabularMDP:
+    """The chain with its states numbered from the end: the end is 0 and the start n."""
+    forward = chain(n, discount)
+    order = np.arange(n + 1)[::-1]
+    return TabularMDP(
+        forward.transition[order][:, :, order],
+        forward.reward[order],
+        forward.start[order],
+        forward.terminal[order],
+        discount,
+    )
+
+
+class Factored(MDP):
+    """A task that offers expectations only, as one too large for a matrix would."""
+
+    def __init__(self, mdp: TabularMDP) -> None:
+        self._matrix = mdp.transition
+        for name in ("reward", "start", "terminal", "discount", "actions", "features"):
+            setattr(self, name, getattr(mdp, name))
+
+    def expectation(self, values):
+        return self._matrix @ values
+
+    def outcomes(self) -> Outcomes:
+        raise AssertionError("nothing but expectations may be asked of this task")
+
+
+def two_rooms() -> TabularMDP:
+    """State 0 leads to state 1 with .25 and to the pair (2, 3) with .75; neither is left again.
+
+    States 2 and 3 swap places at each step.  Reward 1 in state 1, 2 in state 2.
+    """
+    P = np.zeros((4, 1, 4))
+    P[0, 0, [1, 2]] = 0.25, 0.75
+    P[1, 0, 1] = P[2, 0, 3] = P[3, 0, 2] = 1.0
+    return TabularMDP(P, [[0.0], [1.0], [2.0], [0.0]], [1, 0, 0, 0], None, 0.5)

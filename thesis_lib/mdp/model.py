@@ -116,6 +116,17 @@ class MDP(abc.ABC):
         """
         return self.reward + self.discount * self.expectation(values)
 
+    def __getstate__(self) -> dict[str, Any]:
+        # What can be derived again is left out, and a mapping proxy cannot be pickled.
+        state = {k: v for k, v in self.__dict__.items() if k not in ("_outcomes", "_sampler")}
+        return {**state, "features": dict(self.features)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for array in (*state.values(), *state["features"].values()):
+            if isinstance(array, np.ndarray):
+                array.flags.writeable = False
+        self.__dict__.update(state, features=MappingProxyType(state["features"]))
+
 
 def _check_probability_rows(name: str, rows: FloatArray, labels: Sequence[str]) -> None:
     """Raise ValueError naming the first row that is no probability distribution."""

@@ -1,0 +1,105 @@
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from tests.mdp.examples import chain, grid, random_mdp
+from thesis_lib.mdp import TabularEnv, TabularMDP
+
+TASKS = {"grid": grid(3), "random": random_mdp(0, terminal=1), "continuing": random_mdp(1)}
+
+
+@pytest.fixture
+def make():
+    """Register environments for one test."""
+    names = []
+
+    def register(mdp, **options):
+        name = f"thesis-test/Task{len(names)}-v0"
+        names.append(name)
+        gymnasium.register(name, TabularEnv, max_episode_steps=50)
+        return gymnasium.make(name, mdp=mdp, **options)
+
+    yield register
+    for name in names:
+        del gymnasium.registry[name]
+
+
+@pytest.mark.parametrize("observation", ["state", "features"])
+@pytest.mark.parametrize("task", TASKS)
+def test_passes_gymnasiums_own_check_without_warnings(make, task, observation):
+    env = make(TASKS[task], observation=observation)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env.unwrapped)
+
+
+def test_same_seed_same_episode():
+    env = TabularEnv(random_mdp(2, terminal=1))
+
+    def play():
+        seen = [env.reset(seed=3)[0]]
+        for a in (0, 1, 2, 1, 0):
+            seen.extend(env.step(a)[:3])
+        return seen
+
+    assert play() == play()
+
+
+def test_frequencies_match_the_model():
+    mdp = random_mdp(4)
+    env = TabularEnv(mdp)
+    env.reset(seed=0)
+    n = 5000
+    counts = np.zeros(5)
+    for _ in range(n):
+        env.reset(options={"state": 2})
+        counts[env.step(1)[0]] += 1
+    expected = mdp.transition[2, 1]
+    np.testing.assert_allclose(counts / n, expected, atol=4 * 0.5 / np.sqrt(n))
+
+
+def test_an_episode_by_hand():
+    env = TabularEnv(chain(2))
+    state, info = env.reset(seed=0)
+    assert (state, info["features"]) == (0, {"state": 0})
+    assert env.step(1)[:4] == (1, 0.0, False, False)
+    assert env.step(0)[:4] == (1, 0.0, False, False)
+    assert env.step(1)[:4] == (2, 8.0, True, False)
+
+
+def test_features_are_observed_in_their_order():
+    P = np.zeros((2, 1, 2))
+    P[:, 0, 1] = 1.0
+    mdp = TabularMDP(P, np.zeros((2, 1)), [1, 0], features={"x": [5, 7], "y": [-1, 0]})
+    env = TabularEnv(mdp, observation="features")
+    observation, info = env.reset(seed=0)
+    np.testing.assert_array_equal(observation, [5, -1])
+    assert info == {"state": 0, "features": {"x": 5, "y": -1}}
+    assert env.observation_space.contains(observation)
+    np.testing.assert_array_equal(env.observation_space.nvec, [3, 2])
+
+
+def test_a_time_limit_truncates(make):
+    env = make(chain(2))
+    env.reset(seed=0)
+    outcomes = [env.step(0)[2:4] for _ in range(50)]
+    assert outcomes[-1] == (False, True)
+    assert set(outcomes[:-1]) == {(False, False)}
+
+
+def test_bad_use():
+    env = TabularEnv(chain(2))
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step(0)
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match="action is 2, but it must be an integer from 0 to 1"):
+        env.step(2)
+    with pytest.raises(ValueError, match="start in state 2, but it must be a non-terminal"):
+        env.reset(options={"state": 2})
+    with pytest.raises(ValueError, match="render_mode is 'human'"):
+        TabularEnv(chain(2), render_mode="human")
+    with pytest.raises(ValueError, match="observation is 'pixels'"):
+        TabularEnv(chain(2), observation="pixels")
