@@ -205,3 +205,27 @@ def test_the_large_domain_is_solvable():
     for task in (tasks[0], tasks[400], tasks[767]):
         q = solve(task).q
         np.testing.assert_allclose(task.lookahead(q.max(axis=1)), q, atol=1e-9)
+
+
+@pytest.mark.parametrize("timing", get_args(RewardTiming))
+def test_only_the_default_reward_timing_meets_the_statements_of_section_43(timing):
+    # Relevance of a feature: mean variance of Q* over it, the others held (S = 1, E = 2, G = 2).
+    domain = stock(1, 2, 2, reward_timing=timing)
+    tables = np.array([solve(task).q for task in domain.tasks]).reshape(-1, *[2] * 6)
+    task = [np.mean([q.var(axis=i).mean() for q in tables]) for i in range(6)]
+    mean = tables.mean(axis=0)
+    within = [mean.var(axis=i).mean() for i in range(6)]
+    ownership, stocks, globals_, action = 0, [1, 2], [3, 4], 5
+    meets = {
+        "ownership is completely irrelevant": within[ownership] < 1e-18,
+        "stocks and the action are domain relevant": min(within[i] for i in (*stocks, action))
+        > 0.005,
+        "globals are strongly task relevant, much more so than stocks, but domain irrelevant": (
+            min(task[i] for i in globals_) > 5 * max(task[i] for i in stocks)
+            and max(within[i] for i in globals_) < 1e-18
+        ),
+        "stocks and the action are only weakly domain relevant": (
+            max(within[i] for i in (*stocks, action)) < 0.1 * min(task[i] for i in globals_)
+        ),
+    }
+    assert all(meets.values()) == (timing == "after_next")

@@ -1,0 +1,70 @@
+"""The pictures of example tasks show what the tasks are."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from matplotlib.patches import FancyArrowPatch
+
+from thesis_lib.book.drawings import (
+    FOUR,
+    THREE,
+    TWO,
+    action_legend,
+    draw_chain,
+    draw_cliff,
+    draw_compass,
+    draw_stock,
+    draw_triangle,
+)
+from thesis_lib.domains import figure_a1, figure_a2, figure_a3, stock
+from thesis_lib.domains.cliff import layouts as cliff_layouts
+from thesis_lib.domains.triangle import layouts as triangle_layouts
+
+
+@pytest.fixture(autouse=True)
+def _close_figures():
+    yield
+    plt.close("all")
+
+
+def arrows(ax):
+    return sum(isinstance(patch, FancyArrowPatch) for patch in ax.patches)
+
+
+def words(ax):
+    return [text.get_text() for text in ax.texts]
+
+
+def test_a_triangle_has_nine_arrows_and_its_states():
+    for shape in ("ring", "line"):
+        for layout in triangle_layouts(shape):
+            ax = draw_triangle(layout)
+            assert arrows(ax) == 9
+            assert {"1", "2", "3", "goal"} <= set(words(ax))
+
+
+def test_a_cliff_names_start_goal_and_cliff():
+    layout = cliff_layouts()[0]
+    ax = draw_cliff(
+        layout, policy=np.full((16, 4), 0.25), values=np.full(16, -5.0), path=[0, 4, 5, 6, 7, 3]
+    )
+    assert {"S", "G", "cliff", "\N{MINUS SIGN}5"} <= set(words(ax))
+    assert "N" in words(draw_compass())
+
+
+def test_a_stock_task_has_one_arrow_an_influence():
+    task = stock(2, 3, 2, influence="per_sector").tasks[37]
+    ax = draw_stock(task, state=0, sector_names=["telecom"], global_names=["oil"])
+    # Every influential stock points at its sector, every global at both.
+    assert arrows(ax) == task.influence.sum() + 2 * 2
+    assert "telecom" in words(ax)
+
+
+def test_chains_label_rewards_and_probabilities():
+    for task in figure_a1().tasks:
+        assert "\N{MINUS SIGN}1" in words(draw_chain(task, TWO))
+    ax = draw_chain(figure_a2("c").tasks[1], THREE, title="task 2c")
+    assert {"+1", "p = 0.1", "p = 0.9"} <= set(words(ax))
+    ax = draw_chain(figure_a3().tasks[1], FOUR)
+    action_legend(ax)
+    assert {"+6", "p = 0.05", "p = 0.95"} <= set(words(ax))

@@ -1,0 +1,432 @@
+"""Pictures of example tasks, like figures 3.3a, 3.4a and A.1 to A.3 of the thesis.
+
+Every function draws into the axes it is given, or makes a figure of its own, and
+returns the axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
+from numpy.typing import ArrayLike
+
+from thesis_lib.book.style import COLOURS
+from thesis_lib.domains.cliff import ACTIONS, MOVES, CliffLayout
+from thesis_lib.domains.stock import StockMDP
+from thesis_lib.domains.triangle import STATES, TriangleLayout
+from thesis_lib.mdp.model import TabularMDP
+
+BLUE, VERMILION, GREEN, PURPLE, ORANGE = COLOURS[:5]
+INK = "#222222"
+PALE = "#eef3f7"
+EARTH = "#8a6d5a"
+NODE = 0.3
+"""Radius of a drawn state."""
+
+Point = tuple[float, float]
+Line = Literal["-", "--", ":"]
+
+ACTION_A: tuple[Line, str] = ("-", BLUE)
+ACTION_B: tuple[Line, str] = ("--", VERMILION)
+BOTH: tuple[Line, str] = ("-", "#767676")
+HELPS: tuple[Line, str] = ("-", GREEN)
+HINDERS: tuple[Line, str] = ("--", VERMILION)
+
+TWO: tuple[Point, ...] = ((0.0, 0.0), (1.9, 0.0))
+THREE: tuple[Point, ...] = ((0.0, 0.0), (2.6, 0.0), (1.3, -2.0))
+FOUR: tuple[Point, ...] = ((0.0, 0.0), (2.6, 0.0), (0.0, -2.6), (2.6, -2.6))
+"""Places for the states of figures A.1, A.2 and A.3."""
+
+
+def _blank(ax: Axes | None, width: float, height: float) -> Axes:
+    """Axes without frame and ticks, with equal scales."""
+    if ax is None:
+        _, ax = plt.subplots(figsize=(width, height))
+    ax.set_aspect("equal")
+    ax.axis("off")
+    return ax
+
+
+def _node(ax: Axes, at: Point, label: str, *, face: str = PALE, radius: float = NODE) -> None:
+    ax.add_patch(Circle(at, radius, facecolor=face, edgecolor=INK, linewidth=1.2, zorder=3))
+    ax.text(at[0], at[1], label, ha="center", va="center", zorder=4)
+
+
+def _arrow(
+    ax: Axes,
+    start: Point,
+    end: Point,
+    *,
+    style: Line = "-",
+    colour: str = INK,
+    bend: float = 0.0,
+    radius: float = NODE,
+    label: str = "",
+) -> None:
+    """An arrow from the rim of one node to the rim of another, bent to its right."""
+    a, b = np.array(start, dtype=float), np.array(end, dtype=float)
+    chord = b - a
+    middle = (a + b) / 2 + bend * np.array([chord[1], -chord[0]])
+    # Trim the quadratic curve a, middle, b by the two circles.
+    t = np.linspace(0, 1, 201)[:, None]
+    curve = (1 - t) ** 2 * a + 2 * t * (1 - t) * middle + t**2 * b
+    outside = (np.hypot(*(curve - a).T) > radius) & (np.hypot(*(curve - b).T) > radius + 0.04)
+    shown = curve[outside]
+    ax.plot(*shown[:-4].T, linestyle=style, color=colour, linewidth=1.6, zorder=2)
+    ax.add_patch(
+        FancyArrowPatch(
+            tuple(shown[-8]), tuple(shown[-1]), arrowstyle="-|>", mutation_scale=13,
+            color=colour, linewidth=0, shrinkA=0, shrinkB=0, zorder=2,
+        )
+    )  # fmt: skip
+    if label:
+        # Nearer to the start, so that arrows there and back keep their words apart.
+        x, y = curve[len(curve) // 3]
+        _label(ax, x, y, label, colour)
+
+
+def _label(ax: Axes, x: float, y: float, text: str, colour: str) -> None:
+    """A word on an arrow, on a white ground."""
+    box = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
+    ax.text(x, y, text, ha="center", va="center", color=colour, fontsize=9, zorder=5, bbox=box)
+
+
+def _loop(
+    ax: Axes,
+    at: Point,
+    towards: Point,
+    *,
+    style: Line = "-",
+    colour: str = INK,
+    radius: float = NODE,
+    label: str = "",
+    reach: float = 0.34,
+) -> None:
+    """An arrow from a node to itself, on the side of the direction ``towards``."""
+    out = np.array(towards, dtype=float) / np.hypot(*towards)
+    across = np.array([-out[1], out[0]])
+    centre = np.array(at) + (radius + 0.55 * reach) * out
+    turn = np.linspace(-0.80 * np.pi, 0.80 * np.pi, 121)
+    size = 0.62 * reach
+    curve = centre + size * (np.outer(np.cos(turn), out) + np.outer(np.sin(turn), across))
+    ax.plot(*curve[:-6].T, linestyle=style, color=colour, linewidth=1.6, zorder=2)
+    ax.add_patch(
+        FancyArrowPatch(
+            tuple(curve[-10]), tuple(curve[-1]), arrowstyle="-|>", mutation_scale=13,
+            color=colour, linewidth=0, shrinkA=0, shrinkB=0, zorder=2,
+        )
+    )  # fmt: skip
+    if label:
+        x, y = centre + (size + 0.18 + 0.03 * len(label) * abs(out[0])) * out
+        _label(ax, x, y, label, colour)
+
+
+def _fit(ax: Axes, points: ArrayLike, margin: float) -> None:
+    low, high = np.min(points, axis=0) - margin, np.max(points, axis=0) + margin
+    ax.set_xlim(low[0], high[0])
+    ax.set_ylim(low[1], high[1])
+
+
+def draw_cliff(
+    layout: CliffLayout,
+    *,
+    policy: ArrayLike | None = None,
+    values: ArrayLike | None = None,
+    path: Sequence[int] | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """One cliff task as a grid.
+
+    Parameters
+    ----------
+    layout
+        The task.
+    policy
+        Action probabilities, shape ``(S, 4)``; an arrow for each action that is chosen
+        with at least half the probability of the likeliest one.
+    values
+        One number a state, shape ``(S,)``, written into the cells.
+    path
+        States visited, drawn as a line.
+    ax
+        Where to draw.
+
+    Returns
+    -------
+    Axes
+    """
+    ax = _blank(ax, 3.0, 3.0)
+    n = layout.size
+    for x in range(n):
+        for y in range(n):
+            cell, s = (x, y), layout.state((x, y))
+            face = EARTH if cell in layout.cliff else "white"
+            face = {layout.start: PALE, layout.goal: "#d9efe6"}.get(cell, face)
+            ax.add_patch(Rectangle((x, y), 1, 1, facecolor=face, edgecolor=INK, linewidth=0.8))
+            if cell in layout.cliff:
+                continue
+            if cell in (layout.start, layout.goal):
+                letter = "S" if cell == layout.start else "G"
+                ax.text(x + 0.12, y + 0.83, letter, ha="center", va="center", weight="bold")
+            if values is not None and cell != layout.goal:
+                number = f"{np.asarray(values)[s]:.3g}".replace("-", "\N{MINUS SIGN}")
+                ax.text(x + 0.94, y + 0.07, number, ha="right", va="bottom", fontsize=8)
+            if policy is not None and cell != layout.goal:
+                row = np.asarray(policy, dtype=float)[s]
+                for a in np.flatnonzero(row >= row.max() / 2):
+                    dx, dy = MOVES[a]
+                    middle = np.array([x + 0.5, y + 0.5])
+                    reach = 0.3 * np.array([dx, dy])
+                    from_middle = (row >= row.max() / 2).sum() > 1
+                    ax.annotate(
+                        "",
+                        tuple(middle + reach),
+                        tuple(middle if from_middle else middle - reach),
+                        arrowprops={"arrowstyle": "-|>", "color": BLUE, "shrinkA": 0, "shrinkB": 0},
+                        zorder=4,
+                    )
+    (x0, y0), (x1, y1) = layout.cliff[0], layout.cliff[-1]
+    ax.text(
+        (x0 + x1 + 1) / 2,
+        (y0 + y1 + 1) / 2,
+        "cliff",
+        color="white",
+        ha="center",
+        va="center",
+        rotation=0 if y0 == y1 else 90,
+    )
+    if path is not None:
+        cells = np.array([layout.cell(s) for s in path], dtype=float) + 0.5
+        ax.plot(*cells.T, color=ORANGE, linewidth=4, alpha=0.7, zorder=3)
+    ax.set_xlim(-0.03, n + 0.03)
+    ax.set_ylim(-0.03, n + 0.03)
+    return ax
+
+
+def draw_compass(ax: Axes | None = None) -> Axes:
+    """The four actions of the cliff domain."""
+    ax = _blank(ax, 1.2, 1.2)
+    for name, (dx, dy) in zip(ACTIONS, MOVES, strict=True):
+        ax.annotate("", (dx, dy), (0, 0), arrowprops={"arrowstyle": "-|>", "color": INK})
+        ax.text(1.3 * dx, 1.3 * dy, name, ha="center", va="center")
+    ax.set_xlim(-1.6, 1.6)
+    ax.set_ylim(-1.6, 1.6)
+    return ax
+
+
+def draw_triangle(layout: TriangleLayout, *, legend: bool = True, ax: Axes | None = None) -> Axes:
+    """One triangle task (figure 3.3a): L dashed, R solid, U dotted.
+
+    Parameters
+    ----------
+    layout
+        The task; a red one has red states.
+    legend
+        Whether to name the three lines.
+    ax
+        Where to draw.
+
+    Returns
+    -------
+    Axes
+    """
+    ax = _blank(ax, 3.4, 3.4)
+    face = "#f6d5c4" if layout.red else "#cfe8dc"
+    # State 1 bottom left, 2 top, 3 bottom right; counting up walks clockwise.
+    angle = {1: 210, 2: 90, 3: 330}
+    if layout.shape == "line":
+        at = {s: (1.6 * (s - 2), 0.0) for s in STATES}
+        outward = dict.fromkeys(STATES, (0.0, 1.0))
+    else:
+        at = {s: (np.cos(np.radians(angle[s])), np.sin(np.radians(angle[s]))) for s in STATES}
+        outward = at
+    goal = tuple(np.array(at[layout.goal]) + 1.15 * np.array(outward[layout.goal]))
+    sides: dict[str, tuple[Line, str]] = {"L": ("--", BLUE), "R": ("-", INK), "U": (":", VERMILION)}
+    for s in STATES:
+        _node(ax, at[s], str(s), face=face)
+        for action in ("L", "R"):
+            style, colour = sides[action]
+            target = layout.neighbour(s, action)
+            if target == s:
+                out = (-1.0, 0.0) if s == 1 else (1.0, 0.0)
+                _loop(ax, at[s], out, style=style, colour=colour)
+            else:
+                _arrow(ax, at[s], at[target], style=style, colour=colour, bend=0.16)
+        style, colour = sides["U"]
+        if s == layout.goal:
+            _arrow(ax, at[s], goal, style=style, colour=colour)
+        else:
+            _loop(ax, at[s], outward[s], style=style, colour=colour)
+    _node(ax, goal, "goal", face="white", radius=NODE)
+    _fit(ax, [*at.values(), goal, (1.6, 0), (-1.6, 0)], 0.75)
+    if legend:
+        handles = [
+            Line2D([], [], linestyle=style, color=colour, linewidth=1.6, label=action)
+            for action, (style, colour) in sides.items()
+        ]
+        ax.legend(handles=handles, loc="upper right", handlelength=2.4)
+    return ax
+
+
+def draw_stock(
+    task: StockMDP,
+    *,
+    state: int | None = None,
+    sector_names: Sequence[str] = (),
+    global_names: Sequence[str] = (),
+    ax: Axes | None = None,
+) -> Axes:
+    """One stock task (figure 3.4a): which stocks and globals influence which sector.
+
+    Parameters
+    ----------
+    task
+        The task.
+    state
+        If given, its bits are written into the boxes and owned sectors are framed.
+    sector_names, global_names
+        Names in place of ``s1`` and ``g1``.
+    ax
+        Where to draw.
+
+    Returns
+    -------
+    Axes
+    """
+    size = task.size
+    S, E, G = size.sectors, size.stocks, size.global_factors
+    ax = _blank(ax, max(3.2, 1.9 * max(S, G / 2)), 3.0)
+    bits = None if state is None else size.state_bits[state]
+    width = max(1.9, 0.8 * E + 0.5)
+    x_sector = [i * (width + 0.7) for i in range(S)]
+    centre = (x_sector[0] + x_sector[-1] + width) / 2
+    for s in range(S):
+        owned = bits is not None and bits[s] == 1
+        ax.add_patch(
+            Rectangle(
+                (x_sector[s], 0), width, 1.75, facecolor=PALE,
+                edgecolor=BLUE if owned else INK, linewidth=3 if owned else 1.0,
+            )
+        )  # fmt: skip
+        title = sector_names[s] if s < len(sector_names) else f"$s_{{{s + 1}}}$"
+        ax.text(
+            x_sector[s] + width / 2, -0.24, title + (", owned" if owned else ""),
+            ha="center", va="center", fontsize=10,
+        )  # fmt: skip
+        target = (x_sector[s] + width / 2, 1.35)
+        _node(ax, target, f"$P_{{{s + 1}}}$", face="white", radius=0.24)
+        for e in range(E):
+            at = (x_sector[s] + (e + 0.5) * width / E, 0.42)
+            label = f"$e_{{{e + 1}}}$"
+            if bits is not None:
+                label += f"\n{bits[S + s * E + e]}"
+            _node(ax, at, label, face="white", radius=0.27)
+            if task.influence[s, e]:
+                _arrow(ax, at, target, colour=GREEN, radius=0.27)
+    for g in range(G):
+        at = (centre + 1.15 * (g - (G - 1) / 2), 2.75)
+        label = global_names[g] if g < len(global_names) else f"$g_{{{g + 1}}}$"
+        if bits is not None:
+            label += f"\n{bits[S + S * E + g]}"
+        _node(ax, at, label, face="#fdf3d8", radius=0.33)
+        style, colour = HELPS if task.rising_helps[g] else HINDERS
+        for s in range(S):
+            target = (x_sector[s] + width / 2, 1.35)
+            _arrow(ax, at, target, colour=colour, style=style, radius=0.33)
+    ax.legend(
+        handles=[
+            Line2D([], [], color=GREEN, label="rising helps"),
+            Line2D([], [], color=VERMILION, linestyle="--", label="falling helps"),
+        ],
+        loc="lower center",
+        bbox_to_anchor=(0.5, -0.12),
+        ncols=2,
+    )
+    low = min(x_sector[0], centre - 0.6 * G)
+    high = max(x_sector[-1] + width, centre + 0.6 * G)
+    ax.set_xlim(low - 0.2, high + 0.2)
+    ax.set_ylim(-0.75, 3.2)
+    return ax
+
+
+def draw_chain(
+    task: TabularMDP,
+    places: Sequence[Point],
+    *,
+    labels: Sequence[str] | None = None,
+    title: str = "",
+    ax: Axes | None = None,
+) -> Axes:
+    """A small task as a graph (figures A.1 to A.3): A solid, B dashed.
+
+    A state in which A and B do the same has one grey arrow for both.
+
+    Parameters
+    ----------
+    task
+        Its first two actions are drawn.
+    places
+        Where the states are.
+    labels
+        Names of the states; default 1, 2, ...
+    title
+        Above the graph.
+    ax
+        Where to draw.
+
+    Returns
+    -------
+    Axes
+    """
+    ax = _blank(ax, 3.4, 3.0)
+    names = labels or [str(s + 1) for s in range(task.n_states)]
+    middle = np.mean(places, axis=0)
+    for s, at in enumerate(places):
+        if task.terminal[s]:
+            ax.add_patch(Circle(at, NODE + 0.07, facecolor="white", edgecolor=INK, linewidth=1.0))
+        _node(ax, at, names[s])
+    for s in range(task.n_states):
+        if task.terminal[s]:
+            continue
+        same = bool(
+            np.array_equal(task.transition[s, 0], task.transition[s, 1])
+            and task.reward[s, 0] == task.reward[s, 1]
+        )
+        parallel = not same and np.array_equal(task.transition[s, 0], task.transition[s, 1])
+        for a in range(1 if same else 2):
+            style, colour = BOTH if same else (ACTION_A, ACTION_B)[a]
+            reward = f"{task.reward[s, a]:+g}".replace("-", "\N{MINUS SIGN}")
+            words = [reward] if task.reward[s, a] else []
+            for target, p in enumerate(task.transition[s, a]):
+                label = ", ".join([*words, f"p = {p:g}"] if p < 1 else words)
+                if p > 0 and target == s:
+                    out = np.array(places[s]) - middle
+                    _loop(ax, places[s], (out[0], out[1]), style=style, colour=colour, label=label)
+                elif p > 0:
+                    _arrow(
+                        ax, places[s], places[target], style=style, colour=colour,
+                        bend=-0.6 if parallel and a == 0 else 0.2, label=label,
+                    )  # fmt: skip
+    _fit(ax, places, 0.95)
+    if title:
+        ax.set_title(title)
+    return ax
+
+
+def action_legend(ax: Axes) -> None:
+    """Name the lines of :func:`draw_chain` below the axes."""
+    ax.legend(
+        handles=[
+            Line2D([], [], linestyle=style, color=colour, label=label)
+            for (style, colour), label in ((ACTION_A, "A"), (ACTION_B, "B"), (BOTH, "A or B"))
+        ],
+        loc="upper center",
+        bbox_to_anchor=(0.5, 0.02),
+        ncols=3,
+    )
