@@ -373,10 +373,15 @@ def value_iteration(
             return np.inf
         return float(np.abs(goal - q).max() if synchronous else np.abs(goal.max(axis=1) - v).max())
 
+    def unfinished() -> bool:
+        if goal is not None:
+            return errors[-1] > tolerance
+        return not deltas or deltas[-1] >= tolerance
+
     deltas: list[float] = []
     errors = [distance()]
     values = [v.copy()]
-    while errors[-1] > tolerance if goal is not None else not deltas or deltas[-1] >= tolerance:
+    while unfinished():
         if len(deltas) == max_sweeps:
             raise RuntimeError(
                 f"value iteration is not done after {max_sweeps} sweeps: the last one changed a "
