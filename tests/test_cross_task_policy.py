@@ -129,3 +129,20 @@ def test_bad_input():
         GeneticAlgorithm(population=1)
     with pytest.raises(ValueError, match="restarts is 0"):
         climb(CrossTaskProblem(bandits()), np.random.default_rng(0), restarts=0)
+
+
+@pytest.mark.parametrize("domain", DOMAINS)
+def test_compiled_objective_agrees_with_linear_algebra(domain):
+    """The compiled elimination against LAPACK's, value by value."""
+    domain = DOMAINS[domain]
+    batch = softmax_policy(np.random.default_rng(3).normal(size=(2, 3, *domain.shape)))
+    for objective in OBJECTIVES:
+        problem = CrossTaskProblem(domain, objective)
+        values = problem.task_values(batch)
+        weights = (
+            np.broadcast_to(problem._start, values.shape)
+            if objective == "start"
+            else problem.state_distribution(batch)
+        )
+        expected = (domain.distribution * (weights * values).sum(-1)).sum(-1)
+        assert problem.value(batch) == pytest.approx(expected, rel=1e-7)

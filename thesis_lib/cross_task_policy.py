@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from numba import njit
 from scipy import optimize, special
 
 from thesis_lib.domains.domain import Domain
@@ -124,12 +125,19 @@ class CrossTaskProblem:
         FloatArray
             Shape ``(...)``.
         """
-        values = self.task_values(policy)
-        if self.objective == "start":
-            weights = np.broadcast_to(self._start, values.shape)
-        else:
-            weights = self.state_distribution(policy)
-        return np.asarray((self.domain.distribution * (weights * values).sum(-1)).sum(-1))
+        mu = np.ascontiguousarray(policy, dtype=np.float64)
+        flat = mu.reshape(-1, *self.domain.shape)
+        values = _objective(
+            flat,
+            self._transition,
+            self._reward,
+            self._start,
+            self._index,
+            self.domain.distribution,
+            self._discount,
+            self.objective == "stationary",
+        )
+        return np.asarray(values.reshape(mu.shape[:-2]))
 
     def state_distribution(self, policy: FloatArray) -> FloatArray:
         """Share of time p(s|m, mu) spent in each member state, shape ``(..., M, S)``.
@@ -195,6 +203,92 @@ class CrossTaskProblem:
     def _restarted(self, chain: FloatArray) -> FloatArray:
         leave = 1.0 - chain.sum(-1)
         return chain + leave[..., None] * self._start[:, None, :]
+
+
+@njit(cache=True, nogil=True)
+def _objective(mu, transition, reward, start, index, distribution, discount, stationary):  # type: ignore[no-untyped-def]
+    """Objective of a batch of policies, shape ``(B,)``, by elimination in every task.
+
+    I - gamma P is diagonally dominant, so elimination needs no pivots; the stationary
+    distribution is eliminated by Grassmann, Taksar and Heyman's rule, which subtracts
+    nothing and so keeps its precision however rarely a state is left.
+    """
+    n_policies = mu.shape[0]
+    n_tasks, S, A, _ = transition.shape
+    totals = np.zeros(n_policies)
+    chain = np.empty((S, S))
+    system = np.empty((S, S))
+    value = np.empty(S)
+    weight = np.empty(S)
+    for b in range(n_policies):
+        for m in range(n_tasks):
+            chain[:] = 0.0
+            for s in range(S):
+                value[s] = 0.0
+                for a in range(A):
+                    p = mu[b, index[m, s], a]
+                    value[s] += p * reward[m, s, a]
+                    for t in range(S):
+                        chain[s, t] += p * transition[m, s, a, t]
+            for s in range(S):
+                for t in range(S):
+                    system[s, t] = -discount * chain[s, t]
+                system[s, s] += 1.0
+            for k in range(S):
+                for s in range(k + 1, S):
+                    if system[s, k] != 0.0:
+                        factor = system[s, k] / system[k, k]
+                        for t in range(k + 1, S):
+                            system[s, t] -= factor * system[k, t]
+                        value[s] -= factor * value[k]
+            for k in range(S - 1, -1, -1):
+                for t in range(k + 1, S):
+                    value[k] -= system[k, t] * value[t]
+                value[k] /= system[k, k]
+            if stationary:
+                for s in range(S):
+                    stay = 0.0
+                    for t in range(S):
+                        stay += chain[s, t]
+                    for t in range(S):
+                        chain[s, t] += (1.0 - stay) * start[m, t]
+                _stationary(chain, weight)
+            else:
+                weight[:] = start[m]
+            total = 0.0
+            for s in range(S):
+                total += weight[s] * value[s]
+            totals[b] += distribution[m] * total
+    return totals
+
+
+@njit(cache=True, nogil=True)
+def _stationary(chain, weight):  # type: ignore[no-untyped-def]
+    """Stationary distribution of a chain, written to ``weight``; ``chain`` is overwritten."""
+    S = chain.shape[0]
+    for k in range(S - 1, 0, -1):
+        leave = 0.0
+        for t in range(k):
+            leave += chain[k, t]
+        if leave > 0.0:
+            for s in range(k):
+                chain[s, k] /= leave
+        else:
+            for s in range(k):
+                chain[s, k] = 0.0
+        for s in range(k):
+            if chain[s, k] != 0.0:
+                for t in range(k):
+                    chain[s, t] += chain[s, k] * chain[k, t]
+    weight[0] = 1.0
+    total = 1.0
+    for k in range(1, S):
+        weight[k] = 0.0
+        for s in range(k):
+            weight[k] += weight[s] * chain[s, k]
+        total += weight[k]
+    for k in range(S):
+        weight[k] /= total
 
 
 def dense(task: MDP) -> FloatArray:

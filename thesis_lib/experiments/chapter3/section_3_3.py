@@ -32,7 +32,7 @@ class MuConfig:
     """Equation 3.9 with start-state weights, and equation 3.11."""
     ga: GeneticAlgorithm = field(default_factory=GeneticAlgorithm)
     """The genetic algorithm of footnote 2."""
-    ga_runs: int = 3
+    ga_runs: int = 2
     """Runs of the genetic algorithm."""
     restarts: int = 20
     """Starting points of the exact gradient search."""
