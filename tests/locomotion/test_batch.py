@@ -95,11 +95,13 @@ def assert_same(ours, theirs, mine=slice(None), yours=slice(None)):
         assert np.array_equal(a.info.episode_return[mine], b.info.episode_return[yours])
 
 
+@pytest.mark.parametrize("hills", [False, True], ids=["flat", "hills"])
 @EVERY
-def test_any_number_of_threads_gives_the_same(name):
+def test_any_number_of_threads_gives_the_same(name, hills):
+    grounds = [Bumps(0.3 * i) for i in range(7)] if hills else None
     runs = []
     for threads in (1, 2, 5):
-        batch = BatchTask(name, 7, threads=threads, seed=3, autoreset=True)
+        batch = BatchTask(name, 7, threads=threads, seed=3, terrain=grounds, autoreset=True)
         assert batch.threads == threads
         runs.append(play(batch, random_actions(batch, 60)))
     assert_same(runs[0], runs[1])

@@ -245,14 +245,6 @@ def test_start_configuration_is_inside_the_limits(name):
         assert not make_task(name, termination=termination).terminated(fields(name)).any()
 
 
-def test_take_copies_rows():
-    state = fields("Ant", n=3)
-    part = state.take(np.array([0, 2]))
-    assert part.qpos.shape == (2, 15)
-    part.qpos[:] = -1
-    assert (state.qpos[0] == robots.ROBOTS["Ant"].init_qpos).all()
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

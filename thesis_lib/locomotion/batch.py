@@ -281,9 +281,8 @@ class BatchTask:
         self.autoreset = autoreset
         self._raise_bad_actions = bad_actions == "raise"
         self._seeds = _world_seeds(seed, self.n_worlds)
-        self._grounds = self._choose_grounds(terrain)
         self._all = np.arange(self.n_worlds)
-        self._build_models()
+        self._build_models(self._choose_grounds(terrain))
         # A persistent batch goes on from the forward stages of its last call, which makes
         # positions and velocities at the new state free; forces must be computed anew
         # anyway, and then the smaller non-persistent batch is as fast.
@@ -323,32 +322,32 @@ class BatchTask:
             )
         return list(offers[0])
 
-    def _build_models(self) -> None:
-        """Compile a model for every ground and every stage of the perturbations."""
+    def _build_models(self, grounds: list[Ground | None]) -> None:
+        """Compile a model for every ground and every stage of the perturbations.
+
+        The grounds themselves are not kept: a map's heights are in its models.
+        """
         edits = [p for p in self.perturbations if p.edits_model]
         self._onsets = np.array(sorted({p.onset for p in edits if p.onset > 0}), dtype=np.int64)
-        distinct: dict[int, int] = {}
-        self._ground_of = np.array(
-            [distinct.setdefault(id(g), len(distinct)) for g in self._grounds]
-        )
-        grounds = {self._ground_of[i]: g for i, g in enumerate(self._grounds)}
+        distinct = {id(ground): ground for ground in grounds}
+        number = {key: k for k, key in enumerate(distinct)}
+        self._ground_of = np.array([number[id(ground)] for ground in grounds])
         self._models = [
             [
                 build_model(
                     self.task.robot,
-                    grounds[k],
+                    ground,
                     [p.edit_model for p in edits if p.onset <= onset],
                 )
                 for onset in (0, *self._onsets)
             ]
-            for k in range(len(grounds))
+            for ground in distinct.values()
         ]
-        if self._grounds[0] is not None:
-            centre = np.array([g.centre for g in self._grounds if g is not None])
-            half = np.array([g.half_size for g in self._grounds if g is not None])
-            self._map_edges: tuple[FloatArray, FloatArray] | None = (centre - half, centre + half)
-        else:
-            self._map_edges = None
+        self._map_edges: tuple[FloatArray, FloatArray] | None = None
+        if grounds[0] is not None:
+            centre = np.array([g.centre for g in grounds if g is not None])
+            half = np.array([g.half_size for g in grounds if g is not None])
+            self._map_edges = (centre - half, centre + half)
 
     def _set_models(self) -> None:
         """Run every world on the model of its ground and phase."""
@@ -380,7 +379,8 @@ class BatchTask:
         self._warning_counts = batch.warning[:, :, 1]
         low, high = model.actuator_ctrlrange.T
         self._ctrl_centre, self._ctrl_half = (low + high) / 2, (high - low) / 2
-        self._init_qpos = np.array(self.task.robot.init_qpos)
+        self._fields.qpos[0] = self.task.robot.init_qpos
+        self._blank = batch.state[0].copy()  # all a world remembers, at the start of time
 
     def reseed(self, seed: Seed) -> None:
         """Give every world the random streams of another seed; call :meth:`reset` next.
@@ -714,8 +714,7 @@ class BatchTask:
 
     def _rest(self, ids: IntArray) -> None:
         """Put worlds that diverged back where every number is finite."""
-        self._batch.reset(ids, stage=int(mujoco.mjtStage.mjSTAGE_NONE))
-        self._fields.qpos[ids] = self._init_qpos
+        self._batch.state[ids] = self._blank
 
     def _reset(self, ids: IntArray) -> None:
         """Start new episodes in these worlds."""
@@ -728,9 +727,9 @@ class BatchTask:
             phase = self._phase.copy()
             phase[ids] = 0
             self._change_models(phase)
-        self._batch.reset(ids, stage=int(mujoco.mjtStage.mjSTAGE_NONE))
         fields = self._fields
-        fields.qpos[ids] = self._init_qpos + RESET_POSITION_NOISE * noise[:, : robot.nq]
+        self._batch.state[ids] = self._blank
+        fields.qpos[ids] += RESET_POSITION_NOISE * noise[:, : robot.nq]
         fields.qvel[ids] = RESET_VELOCITY_NOISE * noise[:, robot.nq :]
         fields.previous_action[ids] = 0.0
         self._batch.forward(ids, stage=self._stage)
@@ -744,7 +743,9 @@ class BatchTask:
     def _observe(self, ids: IntArray) -> None:
         """Refresh what is observed in these worlds, in new arrays."""
         everyone = len(ids) == self.n_worlds
-        true = self.task.observe(self._fields if everyone else self._fields.take(ids))
+        true = self.task.observe(self._fields)
+        if not everyone:
+            true = true[ids]
         seen, t = true, self.steps[ids]
         for effect in self._sensing:
             seen = effect.on_observation(t, seen, ids)

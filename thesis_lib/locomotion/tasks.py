@@ -7,7 +7,6 @@ al., 2016) disagree, the readings are named and one of them is the default.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -85,10 +84,6 @@ class Fields:
     contact_force: FloatArray
     rotation: FloatArray
     previous_action: FloatArray
-
-    def take(self, ids: NDArray[np.int64]) -> Fields:
-        """Copy the rows of some worlds."""
-        return Fields(**{f.name: getattr(self, f.name)[ids] for f in dataclasses.fields(self)})
 
 
 class Reward(NamedTuple):
@@ -428,8 +423,10 @@ class Task:
             inside &= np.abs(fields.qpos[:, robot.pitch_index]) < limits.pitch
         if limits.state < np.inf:
             # all but the root's height, x and pitch, as in the author's code
-            inside &= np.abs(fields.qpos[:, 3:]).max(axis=1) < limits.state
-            inside &= np.abs(fields.qvel).max(axis=1) < limits.state
+            for part in (fields.qpos[:, 3:], fields.qvel):
+                # worlds are looked at one by one only if any is near the bound
+                if not (part.max() < limits.state and part.min() > -limits.state):
+                    inside &= (np.abs(part) < limits.state).all(axis=1)
         return ~inside
 
 
