@@ -271,6 +271,14 @@ def test_highest_hill_equals_difficulty(robot, difficulty):
     assert hills(difficulty, 7, robot=robot, preset="text").z_offset == FLOOR[robot]
 
 
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32), st.sampled_from([(-2.0, 2.0), (-5.0, 5.0), (-2.0, 40.0)]))
+def test_no_ground_is_higher_than_the_difficulty(seed, side):
+    """Also on small maps, where the flank of a hill beside the map can be the highest ground."""
+    field = hills(1.0, seed, robot="Ant", flat_patch=None, extent=(side, side))
+    assert 0.98 < field.heights.max() <= 1.0
+
+
 def test_difficulty_and_resolution_keep_the_hills():
     """One seed is one set of hills: heights scale, and a coarser grid samples the same ground."""
     low, high = small(5), small(5, resolution=0.4)

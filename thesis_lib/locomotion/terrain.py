@@ -535,10 +535,12 @@ def _envelope(law: HillLaw, x: FloatArray, y: FloatArray, rng: np.random.Generat
     cx = cx + rng.normal(0.0, law.jitter, cx.size)
     cy = cy + rng.normal(0.0, law.jitter, cy.size)
     variance = rng.uniform(*law.variance, cx.size)
-    # The density's height is 1 / (2 pi variance).  Scaling by the top itself and not by the
-    # highest node keeps the ground the same at every resolution.
-    on_map = (cx >= x[0]) & (cx <= x[-1]) & (cy >= y[0]) & (cy <= y[-1])
-    height = variance[on_map].min(initial=law.variance[1]) / variance
+    # The density's height is 1 / (2 pi variance).  Scaling by the highest point of the envelope
+    # and not by the highest node keeps the ground the same at every resolution; of a hill whose
+    # centre lies off the map, the nearest point on the map counts.
+    off_map = (cx - np.clip(cx, x[0], x[-1])) ** 2 + (cy - np.clip(cy, y[0], y[-1])) ** 2
+    height = 1 / variance
+    height /= (height * np.exp(-off_map / (2 * variance))).max()
     reach = _CUTOFF * np.sqrt(variance)
     field = np.zeros((y.size, x.size))
     columns = zip(np.searchsorted(x, cx - reach), np.searchsorted(x, cx + reach), strict=True)
@@ -550,7 +552,8 @@ def _envelope(law: HillLaw, x: FloatArray, y: FloatArray, rng: np.random.Generat
         window = field[low:high, left:right]
         hill = np.multiply.outer(height[k] * along_y, along_x)
         np.maximum(window, hill, out=window)
-    return field
+    # A product of two rounded factors can exceed 1 by its last digit.
+    return np.minimum(field, 1.0, out=field)
 
 
 def _author_patch(shape: FloatArray, x: FloatArray, y: FloatArray, box: Extent) -> FloatArray:
