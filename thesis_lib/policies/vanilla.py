@@ -1,0 +1,204 @@
+"""The vanilla recurrent nets in discrete and continuous time (sections 5.2.1 and 5.2.2)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from thesis_lib.policies.base import glorot_
+from thesis_lib.policies.recurrent import Recur, RecurrentPolicy
+
+INTEGRATORS = ("heun", "euler", "midpoint")
+"""How a CTRNN's differential equation is stepped; the first is the default."""
+
+CONSTRAINTS = ("clamp", "softplus", "exponential")
+"""How time constants are kept at or above the step; the first is the default."""
+
+
+class DTRNN(RecurrentPolicy):
+    r"""Elman network :math:`h_n = \tanh(K h_{n-1} + W x_n + b)` (equation 5.1).
+
+    Parameters
+    ----------
+    observation_size, action_size, units
+        Sizes.
+    bias
+        Equation 5.1 shows none, since section 2.4 counts the constant 1 among the
+        inputs; the author's code has one.
+    seed
+        W and K are Glorot-uniform from this seed, b is 0.
+    trainable_initial_state, features, previous_action, initial_log_std, min_log_std, dtype
+        See :class:`~thesis_lib.policies.recurrent.RecurrentPolicy`.
+    """
+
+    architecture = "dtrnn"
+
+    def __init__(
+        self,
+        observation_size: int,
+        action_size: int,
+        *,
+        units: int,
+        seed: int = 0,
+        bias: bool = True,
+        trainable_initial_state: bool = True,
+        features: Sequence[int] | None = None,
+        previous_action: bool = True,
+        initial_log_std: float = 0.0,
+        min_log_std: float | None = None,
+        dtype: torch.dtype = torch.float32,
+    ) -> None:
+        super().__init__(
+            observation_size,
+            action_size,
+            units,
+            bias=bias,
+            trainable_initial_state=trainable_initial_state,
+            features=features,
+            previous_action=previous_action,
+            initial_log_std=initial_log_std,
+            min_log_std=min_log_std,
+            dtype=dtype,
+        )
+        generator = torch.Generator().manual_seed(seed)
+        for layer in (self.input, self.recurrent, self.head):
+            glorot_(layer.weight, generator)
+
+    def cell(self, drive: Tensor, state: Tensor, recur: Recur, *coefficients: Tensor) -> Tensor:
+        """Equation 5.1."""
+        return torch.tanh(drive + recur(state))
+
+
+class CTRNN(DTRNN):
+    r"""Leaky integrators :math:`\tau \dot h = -h + \tanh(K h + W x + b)` (equation 5.2).
+
+    The input is held constant over a step of the task, which is one step of the
+    integrator.
+
+    Parameters
+    ----------
+    observation_size, action_size, units, bias, seed
+        See :class:`DTRNN`.
+    dt
+        Control step of the task in seconds.
+    integrator
+        ``"heun"``: the mean of the old state and two Euler steps, which is what the
+        author's "midpoint" is; ``"euler"``; ``"midpoint"``: the true one.
+    time_constant
+        Initial :math:`\tau` of every unit in seconds, above ``dt`` unless the
+        constraint is a clamp.  The value used in the thesis is not recorded; 1 is the
+        author's default.
+    constraint
+        How :math:`\tau \ge \Delta t` is kept.  ``"clamp"``: :math:`\tau` is learned
+        and raised to :math:`\Delta t` whenever parameters are set, as in the thesis.
+        ``"softplus"`` and ``"exponential"``: :math:`\tau = \Delta t + g(\rho)` with
+        :math:`\rho` learned.
+    trainable_time_constant
+        Whether :math:`\tau` is learned.
+    trainable_initial_state, features, previous_action, initial_log_std, min_log_std, dtype
+        See :class:`~thesis_lib.policies.recurrent.RecurrentPolicy`.
+
+    Raises
+    ------
+    ValueError
+        When dt or the time constant is out of range, or an option does not exist.
+    """
+
+    architecture = "ctrnn"
+
+    def __init__(
+        self,
+        observation_size: int,
+        action_size: int,
+        *,
+        units: int,
+        dt: float,
+        seed: int = 0,
+        integrator: str = "heun",
+        time_constant: float = 1.0,
+        constraint: str = "clamp",
+        trainable_time_constant: bool = True,
+        bias: bool = True,
+        trainable_initial_state: bool = True,
+        features: Sequence[int] | None = None,
+        previous_action: bool = True,
+        initial_log_std: float = 0.0,
+        min_log_std: float | None = None,
+        dtype: torch.dtype = torch.float32,
+    ) -> None:
+        for name, value, allowed in (
+            ("integrator", integrator, INTEGRATORS),
+            ("constraint", constraint, CONSTRAINTS),
+        ):
+            if value not in allowed:
+                raise ValueError(
+                    f"{name} {value!r} does not exist: choose one of {', '.join(allowed)}."
+                )
+        if not (math.isfinite(dt) and dt > 0):
+            raise ValueError(f"dt is {dt}, but the control step must be positive (seconds).")
+        lowest = time_constant >= dt if constraint == "clamp" else time_constant > dt
+        if not (math.isfinite(time_constant) and lowest):
+            relation = "at least" if constraint == "clamp" else "above"
+            raise ValueError(
+                f"time_constant is {time_constant} s, but it must be {relation} the control step "
+                f"of {dt} s, below which the integrator is unstable."
+            )
+        super().__init__(
+            observation_size,
+            action_size,
+            units=units,
+            seed=seed,
+            bias=bias,
+            trainable_initial_state=trainable_initial_state,
+            features=features,
+            previous_action=previous_action,
+            initial_log_std=initial_log_std,
+            min_log_std=min_log_std,
+            dtype=dtype,
+        )
+        self.dt = float(dt)
+        self.integrator = integrator
+        self.constraint = constraint
+        if constraint == "clamp":
+            raw = time_constant
+        elif constraint == "softplus":
+            raw = math.log(math.expm1(time_constant - dt))
+        else:
+            raw = math.log(time_constant - dt)
+        values = torch.full((units,), raw, dtype=dtype)
+        self.tau_raw = nn.Parameter(values, requires_grad=trainable_time_constant)
+
+    def time_constants(self) -> Tensor:
+        r""":math:`\tau` of every unit in seconds, shape ``(N,)``."""
+        if self.constraint == "softplus":
+            return self.dt + functional.softplus(self.tau_raw)
+        if self.constraint == "exponential":
+            return self.dt + torch.exp(self.tau_raw)
+        return self.tau_raw
+
+    def project_(self) -> None:
+        r""":math:`\tau \leftarrow \max(\Delta t, \tau)` (section 5.2.2), for the clamp."""
+        if self.constraint == "clamp":
+            with torch.no_grad():
+                self.tau_raw.clamp_(min=self.dt)
+
+    def coefficients(self) -> tuple[Tensor, ...]:
+        r"""The step in units of the time constant, :math:`\Delta t/\tau`."""
+        return (self.dt / self.time_constants(),)
+
+    def cell(self, drive: Tensor, state: Tensor, recur: Recur, *coefficients: Tensor) -> Tensor:
+        """One step of equation 5.2; ``lerp(h, f, a)`` is :math:`h + a(f - h)`."""
+        (rate,) = coefficients
+        slope = torch.tanh(drive + recur(state))
+        if self.integrator == "euler":
+            return torch.lerp(state, slope, rate)
+        if self.integrator == "midpoint":
+            half = torch.lerp(state, slope, 0.5 * rate)
+            return torch.addcmul(state, rate, torch.tanh(drive + recur(half)) - half)
+        once = torch.lerp(state, slope, rate)
+        twice = torch.lerp(once, torch.tanh(drive + recur(once)), rate)
+        return torch.lerp(state, twice, 0.5)
