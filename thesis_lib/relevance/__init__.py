@@ -1,0 +1,61 @@
+r"""Relevance and k-relevance of abstractions (chapter 4, sections 4.1 and appendix B)."""
+
+from thesis_lib.relevance.abstraction import (
+    abstract_q,
+    abstraction_error,
+    cross_task_q,
+    forward_relevance,
+    relevance,
+    relevance_by_variance,
+)
+from thesis_lib.relevance.cells import Cells, FeatureCells, ground, keep, partition, remove
+from thesis_lib.relevance.estimators import (
+    Estimate,
+    covariance,
+    estimate,
+    finite_domain,
+    law,
+    leave_one_out,
+    linear_covariance,
+)
+from thesis_lib.relevance.exact import domain_relevance, k_relevance, rate
+from thesis_lib.relevance.sequences import (
+    brute_force_k_relevance,
+    list_sequences,
+    sample_combinations,
+    sampled_k_relevance,
+    sequence_covariance,
+)
+from thesis_lib.relevance.solutions import Solutions, TaskTable
+
+__all__ = [
+    "Cells",
+    "Estimate",
+    "FeatureCells",
+    "Solutions",
+    "TaskTable",
+    "abstract_q",
+    "abstraction_error",
+    "brute_force_k_relevance",
+    "covariance",
+    "cross_task_q",
+    "domain_relevance",
+    "estimate",
+    "finite_domain",
+    "forward_relevance",
+    "ground",
+    "k_relevance",
+    "keep",
+    "law",
+    "leave_one_out",
+    "linear_covariance",
+    "list_sequences",
+    "partition",
+    "rate",
+    "relevance",
+    "relevance_by_variance",
+    "remove",
+    "sample_combinations",
+    "sampled_k_relevance",
+    "sequence_covariance",
+]
