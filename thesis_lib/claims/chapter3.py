@@ -147,6 +147,384 @@ def q_mu_is_poor(tables: Tables) -> Finding:
     )
 
 
+def bound_holds(tables: Tables) -> Finding:
+    """Whether measured sweeps ever exceed the bound of (3.2), rounded up."""
+    table = tables["theorem-1"]
+    worst = float(table.excess.max())
+    share = float((table.sweeps / table.bound.clip(lower=1)).median())
+    return Finding(
+        Verdict.REPRODUCED if worst <= 0 else Verdict.REFUTED,
+        f"Over {len(table)} combinations of domain, precision and initialisation the sweeps "
+        f"measured exceed the bound by at most {worst:.0f}; in the median they are {share:.0%} of "
+        "it.",
+    )
+
+
+def minimiser_is_fastest(tables: Tables) -> Finding:
+    """Whether the (smoothed) minimiser of the objective needs the fewest sweeps measured."""
+    table = tables["theorem-1"]
+    single = table[table.initialisation == "single task"]
+    rest = table[table.initialisation != "single task"]
+    fewest = rest.groupby(["domain", "tolerance"]).sweeps.min()
+    own = rest[rest.initialisation == "geometric mean"].set_index(["domain", "tolerance"]).sweeps
+    fewest = fewest.reindex(own.index)
+    wins = int((own <= fewest + 1e-9).sum())
+    alone = single.set_index(["domain", "tolerance"]).sweeps.reindex(own.index)
+    beaten = int((alone < own - 1e-9).sum())
+    degenerate = bool((single.log_geometric_mean == float("-inf")).all())
+    evidence = (
+        f"The smoothed minimiser needs the fewest sweeps in {wins} of {len(own)} cases (domain and "
+        f"precision); one task's own Q* is faster on average in {beaten} of {len(own)}"
+        + (", and makes the objective minus infinity in all." if degenerate else ".")
+    )
+    if wins == len(own) and not beaten:
+        return Finding(Verdict.REPRODUCED, evidence)
+    return Finding(Verdict.REFUTED if degenerate and beaten else Verdict.DIRECTION, evidence)
+
+
+def mean_is_good_enough(tables: Tables) -> Finding:
+    """Sweeps from the minimiser of the mean distance against the smoothed minimiser's."""
+    table = tables["theorem-1"].set_index(["initialisation", "domain", "tolerance"]).sweeps
+    ratio = (table["mean distance"] / table["geometric mean"].clip(lower=1)).to_numpy()
+    q_star = (table["Q_star"] / table["geometric mean"].clip(lower=1)).to_numpy()
+    worst = max(float(ratio.max()), float(q_star.max()))
+    return Finding(
+        Verdict.REPRODUCED if worst <= 1.25 else Verdict.NOT_REPRODUCED,
+        "Sweeps relative to the smoothed geometric-mean minimiser: mean distance up to "
+        f"{float(ratio.max()):.2f}, Q* (least squares) up to {float(q_star.max()):.2f}.",
+    )
+
+
+def ga_misses_mu_star(tables: Tables) -> Finding:
+    """Whether the GA's best value is below that of exact gradients, by domain."""
+    table = tables["section-3.3.5"].set_index(["domain", "objective", "method"]).value
+    gap, told = [], []
+    for domain, objective in dict.fromkeys((d, o) for d, o, _ in table.index):
+        of = {m: float(table[domain, objective, m]) for m in ("uniform", "ga", "gradient")}
+        share = (of["ga"] - of["uniform"]) / (of["gradient"] - of["uniform"])
+        gap.append(share)
+        told.append(f"{domain} ({objective}): {of['ga']:.4g} of {of['gradient']:.4g}")
+    missed = sum(g < 0.99 for g in gap)
+    return Finding(
+        Verdict.REPRODUCED if missed else Verdict.NOT_REPRODUCED,
+        f"The GA closes less than 99% of the way from the uniform policy in {missed} of "
+        f"{len(gap)} cases; values reached: {'; '.join(told)}.",
+    )
+
+
+def mu_star_is_poor_itself(tables: Tables) -> Finding:
+    """Whether even the best policy found earns far less than the tasks' own optima."""
+    table = tables["section-3.3.5"]
+    at = table[(table.domain == "episodic cliff") & (table.objective == "start")]
+    best = float(at[at.method == "gradient"].value.iloc[0])
+    # Each task's own optimum walks round the cliff in five steps.
+    return Finding(
+        Verdict.REPRODUCED if best < -1000 else Verdict.NOT_REPRODUCED,
+        f"The best cross-task policy found earns {best:.0f} an episode; a task's own optimum "
+        "earns -5.",
+    )
+
+
+def weightings_do_not_matter(tables: Tables) -> Finding:
+    """Q* and Q~ under the four p(x|m): equivalent within 5%, or significantly different."""
+    table = tables["section-3.3.6"]
+    table = table[table.potential.isin(["Q_star", "Q_tilde"])]
+    p_equal, p_differ, told = [], [], []
+    for key, group in table.groupby(["domain", "algorithm", "potential"]):
+        cells = zip(group.weighting, group["mean"], group.sd, group.n_runs, strict=True)
+        by = {kind: Summary(float(mean), float(sd), int(n)) for kind, mean, sd, n in cells}
+        base = by["uniform"]
+        for kind in ("start", "stationary", "learning"):
+            p_equal.append(equivalence(by[kind], base, 0.05 * abs(base.mean)).p_value)
+            test = welch(by[kind], base)
+            p_differ.append(test.p_value)
+            told.append(
+                (
+                    test.p_value,
+                    f"{', '.join(map(str, key))}, {kind}: {by[kind].mean:.4g} "
+                    f"against {base.mean:.4g} with uniform weights",
+                )
+            )
+    differ = [t for (_, t), p in zip(told, holm(p_differ), strict=True) if p < ALPHA]
+    equal = sum(p < ALPHA for p in p_equal)
+    evidence = (
+        f"Of {len(told)} comparisons with uniform weights {equal} are equivalent within 5% (two "
+        f"one-sided tests) and {len(differ)} differ significantly (Welch, Holm)"
+        + (f", the clearest: {min(told)[1]}." if differ else ".")
+    )
+    if equal == len(told):
+        return Finding(Verdict.REPRODUCED, evidence)
+    return Finding(Verdict.REFUTED if differ else Verdict.INCONCLUSIVE, evidence)
+
+
+def stationary_is_best_for_q_mu(tables: Tables) -> Finding:
+    """In how many settings the stationary p(x|m) gives Q^mu its highest return."""
+    table = tables["section-3.3.6"]
+    table = table[table.potential == "Q_mu"]
+    best, n = [], 0
+    for key, group in table.groupby(["domain", "algorithm"]):
+        n += 1
+        if group.loc[group["mean"].idxmax(), "weighting"] == "stationary":
+            best.append(", ".join(map(str, key)))
+    evidence = f"The stationary weights give the highest mean return in {len(best)} of {n} settings"
+    evidence += f" ({'; '.join(best)})." if best else "."
+    if len(best) > n / 2:
+        return Finding(Verdict.REPRODUCED, evidence)
+    return Finding(Verdict.NOT_REPRODUCED, evidence)
+
+
+def huddle_threshold(tables: Tables) -> Finding:
+    """Exploration rate at which the optimal soft policy gives up the goal, over gamma."""
+    by = tables["section-3.4.2-huddle"].groupby("discount").threshold.mean()
+    told = ", ".join(f"{t:.3f} at gamma {g:g}" for g, t in by.items())
+    near = ((by > 0.035) & (by < 0.065)).all()
+    return Finding(
+        Verdict.REPRODUCED if near else Verdict.NOT_REPRODUCED,
+        f"Exact thresholds, the same in all eight tasks: {told}.",
+    )
+
+
+def sarsa_is_wrong(tables: Tables) -> Finding:
+    """Whether Sarsa's solution after its long run is far from the soft optimum."""
+    table = tables["section-3.4.2-sarsa"]
+    stuck = int((~table.reaches_goal).sum())
+    return Finding(
+        Verdict.REPRODUCED if stuck == len(table) else Verdict.DIRECTION,
+        f"In {stuck} of {len(table)} solutions (8 tasks at each gamma) the greedy path never "
+        f"reaches the goal; the policies earn {table.reward_per_step.mean():.1g} a step where the "
+        f"best soft policy earns {table.best_reward_per_step.mean():.2f}.",
+    )
+
+
+SHAPED = ("Q_star", "Q_tilde", "Q_tilde_sarsa")
+
+
+def _best(table: pd.DataFrame) -> tuple[Summary, float]:
+    """The cell with the highest mean, and its learning rate."""
+    row = table.loc[table["mean"].idxmax()]
+    return Summary(float(row["mean"]), float(row["sd"]), int(row["n_runs"])), float(row["alpha"])
+
+
+def sarsa_does_not_beat_q_learning(tables: Tables) -> Finding:
+    """The best unshaped Sarsa against the best unshaped Q-learning, at each gamma."""
+    table = tables["figure-3.1"]
+    table = table[table.potential == "none"]
+    told, beats = [], []
+    for gamma, group in table.groupby("discount"):
+        sarsa, at = _best(group[group.algorithm == "sarsa"])
+        q, at_q = _best(group[group.algorithm == "q_learning"])
+        test = welch(sarsa, q)
+        beats.append(test.difference > 0 and test.p_value < ALPHA)
+        told.append(
+            f"gamma {gamma:g}: {sarsa.mean:.0f} (alpha {at:g}) against {q.mean:.0f} (alpha "
+            f"{at_q:g}), p = {test.p_value:.2g}"
+        )
+    return Finding(
+        Verdict.NOT_REPRODUCED if any(beats) else Verdict.REPRODUCED,
+        f"Best unshaped Sarsa against best unshaped Q-learning, Welch, n = {sarsa.n} a point: "
+        f"{'; '.join(told)}.",
+    )
+
+
+def unshaped_sarsa_is_best(tables: Tables) -> Finding:
+    """The best unshaped Sarsa against the best shaped one, at each gamma."""
+    table = tables["figure-3.1"]
+    table = table[table.algorithm == "sarsa"]
+    told, p_values, signs = [], [], []
+    for gamma, group in table.groupby("discount"):
+        unshaped, _ = _best(group[group.potential == "none"])
+        shaped, _ = _best(group[group.potential.isin(SHAPED)])
+        test = welch(unshaped, shaped)
+        p_values.append(test.p_value)
+        signs.append(test.difference > 0)
+        told.append(f"gamma {gamma:g}: {unshaped.mean:.0f} against {shaped.mean:.0f}")
+    sure = all(holm(p_values) < ALPHA)
+    return Finding(
+        Verdict.REPRODUCED if sure and all(signs) else Verdict.NOT_REPRODUCED,
+        f"Best unshaped against best shaped Sarsa, Welch with Holm: {'; '.join(told)}; "
+        f"largest p = {max(holm(p_values)):.2g}.",
+    )
+
+
+def shaped_overtakes(tables: Tables) -> Finding:
+    """Lowest learning rate from which the best shaped Sarsa is ahead of the unshaped one."""
+    table = tables["figure-3.1"]
+    table = table[table.algorithm == "sarsa"]
+    told, near = [], []
+    for gamma, group in table.groupby("discount"):
+        by = group.pivot(index="alpha", columns="potential", values="mean")
+        ahead = by[list(SHAPED)].max(axis=1) > by["none"]
+        behind = ahead.index[~ahead]
+        later = [a for a in ahead.index if not len(behind) or a > behind.max()]
+        crossing = float(min(later)) if later else float("nan")
+        near.append(0.075 <= crossing <= 0.3)
+        told.append(f"{crossing:g} at gamma {gamma:g}")
+    return Finding(
+        Verdict.REPRODUCED if any(near) else Verdict.NOT_REPRODUCED,
+        f"The best shaped Sarsa stays ahead from alpha {', '.join(told)}.",
+    )
+
+
+def early_boost(tables: Tables) -> Finding:
+    """Step at which unshaped Sarsa's mean cumulative reward overtakes each shaped one's."""
+    by = tables["figure-3.2"].pivot(index="step", columns="potential", values="mean")
+    told, near = [], []
+    for name in (n for n in SHAPED if n in by):
+        behind = by.index[by["none"] < by[name]]
+        crossing = int(behind.max()) if len(behind) else 0
+        near.append(3_000 <= crossing <= 30_000)
+        told.append(f"{NAMES.get(name, 'Q~ by Sarsa')} until step {crossing}")
+    return Finding(
+        Verdict.REPRODUCED if any(near) else Verdict.NOT_REPRODUCED,
+        f"Shaped Sarsa's mean cumulative reward is ahead: {', '.join(told)}.",
+    )
+
+
+def stasis(tables: Tables) -> Finding:
+    """Share of the run in long stretches without a goal, shaped against unshaped."""
+    table = tables["figure-3.2"].groupby("potential").first()
+    base, half = table.loc["none", "stasis_share"], table.loc["none", "stasis_ci95"]
+    told, more = [], []
+    for name in (n for n in SHAPED if n in table.index):
+        share, own = table.loc[name, "stasis_share"], table.loc[name, "stasis_ci95"]
+        more.append(bool(share - own > base + half))
+        told.append(f"{NAMES.get(name, 'Q~ by Sarsa')} {share:.0%} ± {own:.0%}")
+    return Finding(
+        Verdict.REPRODUCED
+        if all(more)
+        else Verdict.DIRECTION
+        if any(more)
+        else Verdict.NOT_REPRODUCED,
+        f"Share of the run in stasis: unshaped {base:.0%} ± {half:.0%}, {', '.join(told)}.",
+    )
+
+
+def _at_best(table: pd.DataFrame) -> dict[str, tuple[Summary, float]]:
+    """Each potential at its best learning rate."""
+    return {str(name): _best(group) for name, group in table.groupby("potential")}
+
+
+def triangle_no_difference(tables: Tables) -> Finding:
+    """Potentials on the triangle at their best alpha: equivalent within 5%?"""
+    table = tables["figure-3.3"]
+    best = _at_best(table[table.epsilon == 0.01])
+    pairs = [("Q_star", "Q_tilde"), ("Q_star", "Q_mu"), ("Q_tilde", "Q_mu")]
+    tests = [equivalence(best[a][0], best[b][0], 0.05 * abs(best[a][0].mean)) for a, b in pairs]
+    differ = holm([welch(best[a][0], best[b][0]).p_value for a, b in pairs])
+    told = "; ".join(
+        f"{NAMES[a]} {best[a][0].mean:.2f}, {NAMES[b]} {best[b][0].mean:.2f}, p = {p:.2g}"
+        for (a, b), p in zip(pairs, differ, strict=True)
+    )
+    n = best["Q_star"][0].n
+    if all(t.p_value < ALPHA for t in tests):
+        verdict = Verdict.REPRODUCED
+    elif (differ < ALPHA).any():
+        verdict = Verdict.REFUTED
+    else:
+        verdict = Verdict.INCONCLUSIVE
+    return Finding(verdict, f"At each potential's best alpha, n = {n} (Welch, Holm): {told}.")
+
+
+def triangle_all_but_one(tables: Tables) -> Finding:
+    """The caption of figure 3.3: every difference significant but that of Q~ and Q^mu."""
+    table = tables["figure-3.3"]
+    best = _at_best(table[table.epsilon == 0.01])
+    names = ("none", "Q_star", "Q_tilde", "Q_mu")
+    pairs = [(a, b) for i, a in enumerate(names) for b in names[i + 1 :]]
+    adjusted = holm([welch(best[a][0], best[b][0]).p_value for a, b in pairs])
+    alike = [
+        f"{NAMES[a]} and {NAMES[b]}"
+        for (a, b), p in zip(pairs, adjusted, strict=True)
+        if p >= ALPHA
+    ]
+    return Finding(
+        Verdict.REPRODUCED if alike == ["Q~ and Q^mu"] else Verdict.NOT_REPRODUCED,
+        f"Not significantly different at n = {best['none'][0].n} (Welch, Holm): "
+        f"{', '.join(alike) or 'none'}.",
+    )
+
+
+def triangle_levels(tables: Tables) -> Finding:
+    """Q* above Q~ above Q^mu at every pair, with the same order of actions."""
+    table = tables["section-3.3-levels"]
+    at = table[table.domain == "triangle"].set_index("potential")
+    means = at["mean"]
+    ordered = bool(
+        means["Q_star"] > means["Q_tilde"] > means["Q_mu"] and at.largest_rise.max() <= 1e-9
+    )
+    same = float(at.same_greedy_actions.min())
+    evidence = (
+        f"Mean over pairs: Q* {means['Q_star']:.3f}, Q~ {means['Q_tilde']:.3f}, Q^mu "
+        f"{means['Q_mu']:.3f}; least share of observations with Q*'s greedy actions: {same:.0%}."
+    )
+    if ordered and same == 1.0:
+        return Finding(Verdict.REPRODUCED, evidence)
+    return Finding(Verdict.DIRECTION if ordered else Verdict.NOT_REPRODUCED, evidence)
+
+
+def _stock(tables: Tables) -> pd.DataFrame:
+    table = tables["figure-3.4"]
+    return table[(table.stocks == 2) & (table.epsilon == table.epsilon.min())]
+
+
+def stock_best(tables: Tables) -> Finding:
+    """Q* and Q~ above no shaping and above Q^mu on stock, each at its best alpha."""
+    best = _at_best(_stock(tables))
+    pairs = [(a, b) for a in ("Q_star", "Q_tilde") for b in ("none", "Q_mu")]
+    tests = [welch(best[a][0], best[b][0]) for a, b in pairs]
+    adjusted = holm([t.p_value for t in tests])
+    told = ", ".join(f"{NAMES[k]} {v.mean:.1f}" for k, (v, _) in best.items())
+    right = [t.difference > 0 for t in tests]
+    evidence = (
+        f"Best mean return (n = {best['none'][0].n} a point): {told}; {sum(right)} of 4 "
+        f"comparisons have the sign stated, {sum(p < ALPHA for p in adjusted)} are significant."
+    )
+    if all(right) and all(p < ALPHA for p in adjusted):
+        return Finding(Verdict.REPRODUCED, evidence)
+    wrong = any(not r and p < ALPHA for r, p in zip(right, adjusted, strict=True))
+    if wrong:
+        return Finding(Verdict.REFUTED, evidence)
+    return Finding(Verdict.DIRECTION if all(right) else Verdict.NOT_REPRODUCED, evidence)
+
+
+def constant_wins_on_stock(tables: Tables) -> Finding:
+    """Our control: a constant potential against the best of the thesis's three."""
+    best = _at_best(_stock(tables))
+    top = max(("Q_star", "Q_tilde", "Q_mu"), key=lambda name: best[name][0].mean)
+    test = welch(best["constant"][0], best[top][0])
+    explained = test.difference > 0 and test.p_value < ALPHA
+    return Finding(
+        Verdict.REFUTED if explained else Verdict.REPRODUCED,
+        f"A constant potential of the same level earns {best['constant'][0].mean:.1f}, the best of "
+        f"the three ({NAMES[top]}) {best[top][0].mean:.1f}; difference {test.difference:+.1f} "
+        f"[{test.low:+.1f}, {test.high:+.1f}], Welch p = {test.p_value:.2g}.",
+    )
+
+
+def best_kind_depends(tables: Tables) -> Finding:
+    """Which of the three potentials is best, by domain and learner."""
+    told: dict[str, str] = {}
+    table = tables["table-3.1"]
+    for (sensor, algorithm), group in table.groupby(["sensor", "algorithm"]):
+        own = group[group.potential.isin(["Q_star", "Q_tilde", "Q_mu"])]
+        key = f"episodic cliff {'with' if sensor else 'without'} sensor, {LEARNERS[str(algorithm)]}"
+        told[key] = NAMES[str(own.loc[own["mean"].idxmax(), "potential"])]
+    for identifier, name in (("figure-3.3", "triangle"), ("figure-3.4", "stock")):
+        source = tables[identifier] if identifier == "figure-3.3" else _stock(tables)
+        best = _at_best(source)
+        told[name] = NAMES[max(("Q_star", "Q_tilde", "Q_mu"), key=lambda k: best[k][0].mean)]
+    cliff = tables["figure-3.1"]
+    for algorithm, group in cliff.groupby("algorithm"):
+        best = _at_best(group)
+        top = max(("Q_star", "Q_tilde", "Q_mu"), key=lambda k: best[k][0].mean)
+        told[f"continuing cliff, {LEARNERS[str(algorithm)]}"] = NAMES[top]
+    kinds = set(told.values())
+    return Finding(
+        Verdict.REPRODUCED if len(kinds) > 1 else Verdict.NOT_REPRODUCED,
+        f"Highest mean: {'; '.join(f'{k}: {v}' for k, v in told.items())}.",
+    )
+
+
 def fitted_reading(tables: Tables) -> str:
     """What the number of episodes changes, from the goodness-of-fit curve."""
     fit = tables["table-3.1-fit"]
@@ -171,6 +549,68 @@ def other_readings(tables: Tables) -> str:
 
 
 CLAIMS: tuple[Claim, ...] = (
+    Claim(
+        id="3.3.1-bound",
+        section="3.3.1",
+        statement="The distance to Q* bounds the sweeps value iteration needs (eq. 3.2).",
+        experiments=("theorem-1",),
+        criterion="Measured sweeps never exceed the bound rounded up, on any domain.",
+        judge=bound_holds,
+    ),
+    Claim(
+        id="3.3.1-theorem-1",
+        section="3.3.1",
+        statement="The initialisation with the least geometric-mean distance needs the fewest "
+        "sweeps in expectation (theorem 1).",
+        experiments=("theorem-1",),
+        criterion="The smoothed minimiser needs the fewest measured sweeps on every domain and "
+        "precision; refuted if the exact minimisers (single tasks' Q*) are degenerate and beat it.",
+        judge=minimiser_is_fastest,
+        headline=True,
+    ),
+    Claim(
+        id="3.3.1-average-distance",
+        section="3.3.1",
+        statement="Minimising an average distance approximates the optimal initialisation well.",
+        experiments=("theorem-1",),
+        criterion="Least squares and least mean distance need at most 1.25 times the sweeps of the "
+        "smoothed minimiser everywhere.",
+        judge=mean_is_good_enough,
+    ),
+    Claim(
+        id="3.3.5-ga-missed-mu-star",
+        section="3.4.1",
+        statement="The genetic algorithm may not have found the best cross-task policy.",
+        experiments=("section-3.3.5",),
+        criterion="In some domain the GA closes less than 99% of the way from the uniform policy "
+        "to the value that exact gradients reach.",
+        judge=ga_misses_mu_star,
+    ),
+    Claim(
+        id="3.3.5-mu-star-is-poor",
+        section="3.4.1",
+        statement="More likely, even the best cross-task policy earns little on the cliff.",
+        experiments=("section-3.3.5",),
+        criterion="The best policy found loses more than 1000 an episode.",
+        judge=mu_star_is_poor_itself,
+    ),
+    Claim(
+        id="3.3.6-weights",
+        section="3.3.6",
+        statement="The choice of p(x|m) makes no significant difference for Q* and Q~.",
+        experiments=("section-3.3.6",),
+        criterion="Every other choice is equivalent to uniform weights within 5% of the return "
+        "(two one-sided tests at .05); refuted if any differs significantly (Welch, Holm).",
+        judge=weightings_do_not_matter,
+    ),
+    Claim(
+        id="3.3.6-stationary-q-mu",
+        section="3.3.6",
+        statement="For Q^mu the stationary distribution of mu works best in most cases.",
+        experiments=("section-3.3.6",),
+        criterion="It gives the highest mean return in more than half of the settings.",
+        judge=stationary_is_best_for_q_mu,
+    ),
     Claim(
         id="3.4.1-numbers",
         section="Table 3.1",
@@ -222,6 +662,119 @@ CLAIMS: tuple[Claim, ...] = (
         criterion="Worse than no shaping for both learners (Welch with Holm below .05), and the "
         "intervals reach the printed ones.",
         judge=q_mu_is_poor,
+    ),
+    Claim(
+        id="3.4.2-huddle",
+        section="3.4.2",
+        statement="From an exploration rate around .05 the best soft policy huddles in a corner.",
+        experiments=("section-3.4.2-huddle",),
+        criterion="The exact threshold lies between .035 and .065 at every gamma tried.",
+        judge=huddle_threshold,
+    ),
+    Claim(
+        id="3.4.2-sarsa-is-wrong",
+        section="3.4.2",
+        statement="Sarsa converges to a wrong solution on the continuing cliff.",
+        experiments=("section-3.4.2-sarsa",),
+        criterion="After its long run the greedy path reaches the goal in no task.",
+        judge=sarsa_is_wrong,
+    ),
+    Claim(
+        id="3.4.2-sarsa-no-better",
+        section="3.4.2",
+        statement="Even at its best setting Sarsa does not significantly beat Q-learning.",
+        experiments=("figure-3.1",),
+        criterion="At no gamma is the best unshaped Sarsa significantly above the best unshaped "
+        "Q-learning (Welch, .05).",
+        judge=sarsa_does_not_beat_q_learning,
+    ),
+    Claim(
+        id="3.4.2-unshaped-sarsa-best",
+        section="3.4.2",
+        statement="Unshaped Sarsa at its best learning rate beats shaped Sarsa at its best.",
+        experiments=("figure-3.1",),
+        criterion="So at every gamma, Welch with Holm below .05.",
+        judge=unshaped_sarsa_is_best,
+        headline=True,
+    ),
+    Claim(
+        id="3.4.2-shaped-overtakes",
+        section="3.4.2",
+        statement="Shaped Sarsa dominates only from a learning rate of around .15.",
+        experiments=("figure-3.1",),
+        criterion="At some gamma the best shaped mean stays ahead from an alpha between .075 and "
+        ".3.",
+        judge=shaped_overtakes,
+    ),
+    Claim(
+        id="3.4.2-early-boost",
+        section="3.4.2",
+        statement="Shaping gives Sarsa an initial boost that lasts to around 10⁴ steps.",
+        experiments=("figure-3.2",),
+        criterion="For some potential the mean curves cross between 3,000 and 30,000 steps.",
+        judge=early_boost,
+    ),
+    Claim(
+        id="3.4.2-stasis",
+        section="3.4.2",
+        statement="Shaped Sarsa falls into long stasis, without reward, more than unshaped Sarsa.",
+        experiments=("figure-3.2",),
+        criterion="The share of the run in stretches of 10⁴ steps without a goal is larger, with "
+        "intervals apart, for every shaped potential.",
+        judge=stasis,
+    ),
+    Claim(
+        id="3.4.3-no-difference",
+        section="3.4.3",
+        statement="There is no significant difference between the potentials on the triangle.",
+        experiments=("figure-3.3",),
+        criterion="At their best alphas all three pairs are equivalent within 5% (two one-sided "
+        "tests); refuted if any pair differs significantly (Welch, Holm).",
+        judge=triangle_no_difference,
+    ),
+    Claim(
+        id="3.4.3-caption",
+        section="Figure 3.3",
+        statement="All differences between the methods are significant except that of Q~ and Q^mu.",
+        experiments=("figure-3.3",),
+        criterion="Exactly that pair keeps a Welch-Holm p of .05 or more at the best alphas.",
+        judge=triangle_all_but_one,
+    ),
+    Claim(
+        id="3.4.3-levels",
+        section="3.4.3",
+        statement="On the triangle Q* lies above Q~ above Q^mu, and actions have the same order.",
+        experiments=("section-3.3-levels",),
+        criterion="The means have that order, no pair exceeds Q*, and the greedy actions agree at "
+        "every observation.",
+        judge=triangle_levels,
+    ),
+    Claim(
+        id="3.4.4-best",
+        section="3.4.4",
+        statement="Q* and Q~ do best on stock trading, and Q^mu lags behind.",
+        experiments=("figure-3.4",),
+        criterion="Both beat no shaping and Q^mu at their best alphas (Welch, Holm below .05).",
+        judge=stock_best,
+    ),
+    Claim(
+        id="3.4.4-constant",
+        section="3.4.4",
+        statement="Implied: what helps on stock trading is what the potential knows of the domain.",
+        experiments=("figure-3.4",),
+        criterion="Our control: refuted if a constant potential of the same level earns "
+        "significantly more than the best of the three (Welch, .05).",
+        judge=constant_wins_on_stock,
+        headline=True,
+    ),
+    Claim(
+        id="3.6-best-kind-depends",
+        section="3.6",
+        statement="Which potential is best depends on the domain, the learner and its settings.",
+        experiments=("table-3.1", "figure-3.1", "figure-3.3", "figure-3.4"),
+        criterion="The potential with the highest mean is not the same everywhere.",
+        judge=best_kind_depends,
+        headline=True,
     ),
 )
 

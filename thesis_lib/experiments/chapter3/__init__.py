@@ -11,13 +11,14 @@ from thesis_lib.experiments.chapter3.continuing_cliff import (
     HUDDLE,
     SARSA_SOLUTION,
 )
-from thesis_lib.experiments.chapter3.section_3_3 import MU_STAR, WEIGHTINGS_COMPARED
+from thesis_lib.experiments.chapter3.section_3_3 import LEVELS, MU_STAR, WEIGHTINGS_COMPARED
 from thesis_lib.experiments.chapter3.sweeps import FIGURE_3_3, FIGURE_3_4
 from thesis_lib.experiments.chapter3.table_3_1 import TABLE_3_1, TABLE_3_1_FIT
 from thesis_lib.experiments.chapter3.theorem_1 import THEOREM_1
 
 EXPERIMENTS: tuple[Experiment[Any], ...] = (
     THEOREM_1,
+    LEVELS,
     MU_STAR,
     WEIGHTINGS_COMPARED,
     TABLE_3_1,

@@ -16,7 +16,7 @@ from thesis_lib.domains import Domain
 from thesis_lib.experiments.base import Context, Experiment, rows
 from thesis_lib.experiments.chapter3.common import Learner, MuSearch, total_rewards
 from thesis_lib.experiments.chapter3.settings import SETTINGS
-from thesis_lib.mdp.greedy import epsilon_greedy
+from thesis_lib.mdp.greedy import epsilon_greedy, greedy_actions
 from thesis_lib.mdp.model import FloatArray
 from thesis_lib.potentials import WEIGHTINGS
 from thesis_lib.stats import mean_ci
@@ -207,4 +207,71 @@ WEIGHTINGS_COMPARED: Experiment[WeightingConfig] = Experiment(
         "n_runs": "number of runs, all tasks together",
     },
     seconds={"smoke": 1, "book": 30, "thesis": 30},
+)
+
+
+@dataclass(frozen=True)
+class LevelsConfig:
+    """Which domains the levels of the potentials are compared on."""
+
+    domains: tuple[str, ...] = tuple(SETTINGS)
+    """Domains of chapter 3."""
+    mu: MuSearch = field(default_factory=MuSearch)
+    """The search for the cross-task policy."""
+
+
+def run_levels(config: LevelsConfig, context: Context) -> pd.DataFrame:
+    """Level and ordering of the potentials, exact; columns in :data:`LEVELS`."""
+    records = []
+    for name in config.domains:
+        domain = SETTINGS[name].domain()
+        epsilon = SETTINGS[name].learners[0].epsilon
+        # Averages of the same weights throughout, so that only the task values differ.
+        policy = config.mu.policy(domain, context.seed)
+        phi = {
+            "Q_star": potentials.q_star(domain),
+            "Q_tilde": potentials.q_tilde(domain, epsilon),
+            "Q_mu": potentials.q_mu(domain, policy),
+        }
+        best = greedy_actions(phi["Q_star"])
+        for potential, values in phi.items():
+            gap = phi["Q_star"] - values
+            records.append(
+                {
+                    "domain": name,
+                    "potential": potential,
+                    "mean": float(values.mean()),
+                    "lowest": float(values.min()),
+                    "highest": float(values.max()),
+                    "largest_rise": float((-gap).max()),
+                    "mean_gap": float(gap.mean()),
+                    "same_greedy_actions": float(
+                        (greedy_actions(values) == best).all(axis=1).mean()
+                    ),
+                }
+            )
+    return rows(records)
+
+
+LEVELS: Experiment[LevelsConfig] = Experiment(
+    id="section-3.3-levels",
+    item="Section 3.3, the levels of the potentials",
+    title="How high each potential is and which actions it prefers, exact.",
+    function=run_levels,
+    budgets={
+        "smoke": LevelsConfig(domains=("triangle",), mu=MuSearch(restarts=1)),
+        "book": LevelsConfig(),
+        "thesis": LevelsConfig(),
+    },
+    columns={
+        "domain": "which domain",
+        "potential": "Q_star, Q_tilde or Q_mu, all with uniform p(x|m)",
+        "mean": "mean over pairs",
+        "lowest": "least value",
+        "highest": "largest value",
+        "largest_rise": "largest amount by which it exceeds Q_star at some pair",
+        "mean_gap": "mean over pairs of Q_star less it",
+        "same_greedy_actions": "share of observations with the same greedy actions as Q_star",
+    },
+    seconds={"smoke": 1, "book": 5, "thesis": 5},
 )
