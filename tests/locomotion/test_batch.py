@@ -166,6 +166,8 @@ def test_reset_of_a_subset_leaves_the_others_alone():
     assert np.array_equal(batch.qpos[[0, 2]], before[[0, 2]])
     assert batch.steps.tolist() == [5, 0, 5, 0]
     assert batch.reset(np.array([False, True, False, False])).shape == (1, 20)
+    assert batch.reset(np.zeros(4, dtype=bool)).shape == (0, 20)
+    assert batch.steps.tolist() == [5, 0, 5, 0]
 
 
 def test_ended_worlds_stand_still_until_reset():
@@ -303,6 +305,31 @@ def test_an_unstable_world_ends_alone(name, autoreset, tmp_path, monkeypatch):
             assert (step.terminated[1], step.reward[1] == 0) == (not autoreset, not autoreset)
     assert sum(batch.engine_warnings.values()) <= 1
     assert sum(calm.engine_warnings.values()) == 0
+
+
+def test_an_error_of_the_engine_ends_its_world_alone():
+    """A model whose memory holds no contacts makes MuJoCo raise once the robot lands."""
+
+    class NoMemory(Perturbation):
+        edits_model = True
+
+        def edit_model(self, spec):
+            spec.memory = 6000
+
+    task = make_task("HalfCheetah")
+    batch = BatchTask(task, 2, perturbations=[NoMemory()], seed=0)
+    batch.reset()
+    high = np.zeros(9)
+    high[1] = 3.0
+    before = batch.set_state(high, np.zeros(9), [1])
+    step = batch.step(np.zeros((2, 6)))
+    while not step.info.diverged.any():
+        before = step.observation
+        step = batch.step(np.zeros((2, 6)))
+    assert step.info.diverged.tolist() == [True, False]
+    assert step.reward[0] == -1000
+    assert np.array_equal(step.observation[0], before[0])
+    assert not batch.step(np.zeros((2, 6))).info.diverged.any()
 
 
 @pytest.mark.parametrize("value", [1.001e3, -1e9])

@@ -787,13 +787,16 @@ class BatchTask:
     def _check_worlds(self, worlds: ArrayLike) -> IntArray:
         """World ids, sorted, from ids or a mask."""
         given = np.asarray(worlds)
+        if given.size == 0:
+            return np.zeros(0, dtype=np.int64)
         if given.dtype == bool and given.shape == (self.n_worlds,):
             return np.flatnonzero(given)
         ids = np.sort(np.atleast_1d(given))
         if (
             ids.ndim != 1
             or not np.issubdtype(ids.dtype, np.integer)
-            or (len(ids) and (ids[0] < 0 or ids[-1] >= self.n_worlds))
+            or ids[0] < 0
+            or ids[-1] >= self.n_worlds
             or (np.diff(ids) == 0).any()
         ):
             raise ValueError(

@@ -188,6 +188,10 @@ class LocomotionEnv(gymnasium.Env[Any, Any]):
     ``reward_contact``, ``reward_alive`` and ``reward_divergence``, the flags ``diverged``
     and ``off_map``, the centre of mass as ``x_position`` in metres, and, where noise or a
     subset hides it from the policy, the ``true_observation``.
+
+    An action beyond 1000 in absolute value ends the episode with a reward of -1000, as in
+    the author's sampler.  After the end of an episode the world stands still, with reward 0,
+    until :meth:`reset`.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"]}  # noqa: RUF012 - Gymnasium's type
