@@ -1,0 +1,292 @@
+"""The book as built at the smoke budget: every notebook run, every page looked at."""
+
+import functools
+import http.server
+import os
+import re
+import shutil
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from bs4 import BeautifulSoup
+
+from thesis_lib.book.build import build
+from thesis_lib.book.execution import last_run
+from thesis_lib.book.paths import Paths
+
+pytestmark = pytest.mark.timeout(1500)  # the first test builds the book
+
+ROOT = Path(__file__).resolve().parents[2]
+NOTEBOOKS = sorted(path.stem for path in (ROOT / "notebooks").glob("*.ipynb"))
+PAGES = sorted(
+    [f"notebooks/{name}" for name in NOTEBOOKS]
+    + re.findall(r"(?:root|file): (book/\S+)", (ROOT / "_toc.yml").read_text())
+)
+
+
+@pytest.fixture(scope="module")
+def html() -> Path:
+    """The built book; building it fails on any warning and any failing notebook."""
+    assert build("smoke") == 0
+    return Paths.of("smoke").html
+
+
+@functools.cache
+def soup(file: Path) -> BeautifulSoup:
+    return BeautifulSoup(file.read_text(encoding="utf-8"), "html.parser")
+
+
+def page(html: Path, name: str) -> BeautifulSoup:
+    return soup(html / f"{name}.html")
+
+
+def test_every_notebook_ran_at_smoke(html: Path) -> None:
+    for name in NOTEBOOKS:
+        run = last_run(name, Paths.of("smoke"))
+        assert run
+        assert run.manifest["parameters"] == {"budget": "smoke", "seed": 0}
+
+
+def test_a_second_build_executes_nothing_and_rebuilds_nothing(html: Path) -> None:
+    said: list[str] = []
+    assert build("smoke", say=said.append) == 0
+    assert said[0].endswith(f"{len(NOTEBOOKS)} unchanged, 0 to execute.")
+    assert said[1] == "No page changed."
+
+
+def test_opens_at_the_front_page(html: Path) -> None:
+    target = soup(html / "index.html").find("meta", {"http-equiv": "refresh"})
+    assert target
+    assert (html / str(target["content"]).partition("url=")[2]).is_file()
+
+
+@pytest.mark.parametrize("name", PAGES)
+class TestPage:
+    def test_shows_no_error_and_no_object(self, html: Path, name: str) -> None:
+        text = (html / f"{name}.html").read_text(encoding="utf-8")
+        assert "object&gt;" not in text
+        assert "&lt;IPython" not in text
+        assert not page(html, name).select(".output.traceback, .output.stderr")
+
+    def test_every_glued_value_has_text(self, html: Path, name: str) -> None:
+        assert all(s.get_text().strip() for s in page(html, name).select("span.pasted-text"))
+
+    def test_nothing_is_fetched_from_elsewhere(self, html: Path, name: str) -> None:
+        for tag in page(html, name).select("script[src], link[href], img[src], iframe, video"):
+            address = str(tag.get("src") or tag.get("href") or "")
+            if tag.name == "link" and "canonical" in (tag.get("rel") or []):
+                continue
+            assert not re.match(r"(https?:)?//", address), address
+        assert "unpkg.com" not in str(page(html, name))
+
+    def test_links_within_the_book_lead_somewhere(self, html: Path, name: str) -> None:
+        here = (html / f"{name}.html").resolve()
+        for link in page(html, name).select("main a[href], nav a[href]"):
+            address, _, anchor = str(link["href"]).partition("#")
+            if re.match(r"[a-z]+:", address):
+                continue
+            target = (here.parent / address).resolve() if address else here
+            assert target.is_file(), f"{name} links to {address}"
+            if anchor and target.suffix == ".html":
+                assert soup(target).find(id=anchor), f"{name} links to {address}#{anchor}"
+
+    def test_has_language_title_and_one_heading(self, html: Path, name: str) -> None:
+        parsed = page(html, name)
+        assert parsed.html
+        assert parsed.html["lang"] == "en"
+        assert parsed.title
+        assert parsed.title.get_text().strip()
+        assert len(parsed.select("article h1")) == 1
+
+    def test_every_image_has_alternative_text(self, html: Path, name: str) -> None:
+        for image in page(html, name).select("article img"):
+            alt = str(image.get("alt", ""))
+            assert alt.strip(), image["src"]
+            assert not alt.startswith(("../", "_images")), alt
+
+    def test_is_small(self, html: Path, name: str) -> None:
+        assert (html / f"{name}.html").stat().st_size < 600_000
+
+
+@pytest.mark.parametrize("name", [page for page in PAGES if page.startswith("notebooks/")])
+def test_chapter_says_that_its_values_mean_nothing(html: Path, name: str) -> None:
+    assert "shapes, not values" in page(html, name).get_text()
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_chapter_has_the_number_of_the_thesis(html: Path, name: str) -> None:
+    heading = page(html, name).select_one("article h1")
+    assert heading
+    number = re.search(r"/(?:ch0?(\d+)|appendix_([a-z]))(?:_|$)", name)
+    shown = re.match(r"(\w+)\. ", heading.get_text())
+    expected = (number[1] or number[2].upper()) if number else None
+    assert (shown[1] if shown else None) == expected
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_chapter_can_be_launched(html: Path, name: str) -> None:
+    launchers = [str(a["href"]) for a in page(html, f"notebooks/{name}").select("a[href]")]
+    for service in ("mybinder.org", "colab.research.google.com"):
+        assert any(service in link and f"notebooks/{name}.ipynb" in link for link in launchers)
+
+
+def test_status_lists_every_notebook(html: Path) -> None:
+    text = page(html, "book/status").get_text()
+    assert all(name in text for name in NOTEBOOKS)
+
+
+class _Quiet(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, *_: Any) -> None:
+        """Say nothing."""
+
+
+@pytest.fixture(scope="module")
+def site(html: Path) -> Iterator[str]:
+    """The built book on a local web server."""
+    handler = functools.partial(_Quiet, directory=str(html))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Chromium without a screen; a machine without it skips, continuous integration fails."""
+    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
+    if found is None:
+        message = "there is no chromium on this machine: install it (Debian: apt install chromium)"
+        if os.environ.get("CI") == "true":
+            pytest.fail(message)
+        pytest.skip(message)
+    from playwright.sync_api import sync_playwright
+
+    flags = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=found, headless=True, args=flags)
+        yield chromium
+        chromium.close()
+
+
+class Tab:
+    """A browser tab that records what it asks for and what goes wrong."""
+
+    def __init__(self, browser: Any, site: str, **options: Any) -> None:
+        self.site = site
+        self.context = browser.new_context(reduced_motion="reduce", **options)
+        self.page = self.context.new_page()
+        self.asked: list[str] = []
+        self.errors: list[str] = []
+        self.page.on("request", lambda request: self.asked.append(request.url))
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+
+    def open(self, name: str, until: str = "load") -> Any:
+        self.page.goto(f"{self.site}/{name}", wait_until=until)
+        self.page.evaluate("window.MathJax?.startup?.promise")
+        return self.page
+
+    def close(self) -> None:
+        self.context.close()
+
+
+@pytest.fixture
+def tab(browser: Any, site: str, request: pytest.FixtureRequest) -> Iterator[Tab]:
+    opened = Tab(browser, site, **getattr(request, "param", {}))
+    yield opened
+    opened.close()
+
+
+PHONE = {"viewport": {"width": 390, "height": 844}}
+DARK = {"color_scheme": "dark"}
+
+CONTRAST = """
+() => {
+  const rgb = c => (c.match(/[\\d.]+/g) || []).map(Number);
+  const light = ([r, g, b]) => [r, g, b].map(v => v / 255)
+    .map(v => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
+    .reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0);
+  const behind = element => {
+    for (let e = element; e; e = e.parentElement) {
+      const c = rgb(getComputedStyle(e).backgroundColor);
+      if (c.length === 3 || c[3] > 0.99) return c;
+    }
+    return [255, 255, 255];
+  };
+  const poor = [];
+  for (const e of document.querySelectorAll(
+      'article p, article li, article h1, article h2, article h3, article td, article th,'
+      + ' article a, .bd-sidebar-primary a, .bd-sidebar-secondary a')) {
+    if (!e.innerText || !e.innerText.trim() || !e.offsetParent) continue;
+    const style = getComputedStyle(e);
+    const [a, b] = [light(rgb(style.color)), light(behind(e))];
+    const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+    const large = parseFloat(style.fontSize) >= 24;
+    if (ratio < (large ? 3 : 4.5)) poor.push(ratio.toFixed(2) + ' ' + e.innerText.slice(0, 40));
+  }
+  return poor;
+}
+"""
+
+UNNAMED = """
+() => [...document.querySelectorAll('a[href], button, input:not([type=hidden])')]
+  .filter(e => e.offsetParent)
+  .filter(e => !e.textContent.trim() && !e.getAttribute('aria-label') && !e.title
+    && !e.labels?.length && !e.placeholder && !e.querySelector('img[alt]:not([alt=""])'))
+  .map(e => e.outerHTML.slice(0, 120))
+"""
+
+
+@pytest.mark.browser
+class TestInTheBrowser:
+    @pytest.mark.parametrize("name", PAGES)
+    def test_page_opens_offline_and_without_script_errors(self, tab: Tab, name: str) -> None:
+        opened = tab.open(f"{name}.html", until="networkidle")
+        assert tab.errors == []
+        outside = [url for url in tab.asked if not url.startswith((tab.site, "data:", "blob:"))]
+        assert outside == []
+        assert opened.locator("mjx-merror, .MathJax_Error").count() == 0
+        if opened.locator("span.math, div.math").count():
+            assert opened.locator("mjx-container").count() > 0
+
+    @pytest.mark.parametrize("tab", [PHONE], indirect=True)
+    @pytest.mark.parametrize("name", PAGES)
+    def test_page_does_not_scroll_sideways_on_a_phone(self, tab: Tab, name: str) -> None:
+        opened = tab.open(f"{name}.html")
+        wide = opened.evaluate("document.documentElement.scrollWidth")
+        assert wide <= 390, f"{name} is {wide} pixels wide"
+
+    @pytest.mark.parametrize("tab", [{}, DARK], ids=["light", "dark"], indirect=True)
+    @pytest.mark.parametrize("name", PAGES)
+    def test_text_can_be_read(self, tab: Tab, name: str) -> None:
+        assert tab.open(f"{name}.html").evaluate(CONTRAST) == []
+
+    @pytest.mark.parametrize("tab", [DARK], indirect=True)
+    def test_dark_mode_is_dark(self, tab: Tab) -> None:
+        opened = tab.open("book/intro.html")
+        assert opened.evaluate("document.documentElement.dataset.theme") == "dark"
+        colour = opened.evaluate("getComputedStyle(document.body).backgroundColor")
+        assert max(map(int, re.findall(r"\d+", colour)[:3])) < 60
+
+    @pytest.mark.parametrize("name", ["book/intro", PAGES[-1]])
+    def test_everything_one_can_press_has_a_name(self, tab: Tab, name: str) -> None:
+        assert tab.open(f"{name}.html").evaluate(UNNAMED) == []
+
+    def test_keyboard_reaches_the_text(self, tab: Tab) -> None:
+        opened = tab.open("book/intro.html")
+        opened.keyboard.press("Tab")
+        assert "Skip to main content" in opened.evaluate("document.activeElement.innerText")
+        opened.keyboard.press("Enter")
+        reached = False
+        for _ in range(30):
+            opened.keyboard.press("Tab")
+            reached |= opened.evaluate("!!document.activeElement.closest('article')")
+        assert reached
+
+    def test_search_finds_bellman(self, tab: Tab) -> None:
+        opened = tab.open("search.html?q=Bellman")
+        opened.wait_for_selector("#search-results li a", timeout=20_000)
+        found = opened.locator("#search-results li a").all_inner_texts()
+        assert found

@@ -1,0 +1,84 @@
+"""Imports run one way, from the mathematics to the experiments to the book."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+from thesis_lib.book.imports import imported
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "thesis_lib"
+
+LAYERS = (
+    {"stats", "mdp", "domains", "locomotion", "policies", "published"},
+    {
+        *("potentials", "initialisation", "cross_task_policy"),
+        *("relevance", "selection", "optimisation", "robustness"),
+    },
+    {"experiments"},
+    {"claims", "book", "cli"},
+)
+LEVEL = {unit: level for level, units in enumerate(LAYERS) for unit in units}
+EXPERIMENTS = LEVEL["experiments"]
+
+FILES = sorted(PACKAGE.rglob("*.py"))
+UNITS = sorted({path.relative_to(PACKAGE).parts[0].removesuffix(".py") for path in FILES})
+
+
+def unit_of(file: Path) -> str:
+    return file.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def units_imported(file: Path) -> set[str]:
+    name = ".".join(file.relative_to(ROOT).with_suffix("").parts)
+    package = name.removesuffix(".__init__") if file.stem == "__init__" else name.rpartition(".")[0]
+    names = imported(file.read_text(), package)
+    return {parts[1] for n in names if len(parts := n.split(".")) > 1 and parts[1] in LEVEL}
+
+
+def test_every_unit_has_a_layer() -> None:
+    assert set(UNITS) - {"__init__"} <= set(LEVEL)
+
+
+@pytest.mark.parametrize("unit", [unit for unit in UNITS if unit in LEVEL])
+def test_imports_run_one_way(unit: str) -> None:
+    for file in FILES:
+        if unit_of(file) == unit:
+            above = {u for u in units_imported(file) if LEVEL[u] > LEVEL[unit]}
+            assert not above, f"{file.relative_to(ROOT)} imports {sorted(above)} from above"
+
+
+def test_units_of_a_layer_do_not_import_each_other_in_a_circle() -> None:
+    graph: dict[str, set[str]] = {unit: set() for unit in LEVEL}
+    for file in FILES:
+        if (unit := unit_of(file)) in LEVEL:
+            graph[unit] |= units_imported(file) - {unit}
+    while graph:
+        leaves = {unit for unit, uses in graph.items() if not uses & set(graph)}
+        assert leaves, f"a circle among {sorted(graph)}"
+        graph = {unit: uses for unit, uses in graph.items() if unit not in leaves}
+
+
+@pytest.mark.parametrize(
+    "file",
+    [f for f in FILES if LEVEL.get(unit_of(f), EXPERIMENTS) < EXPERIMENTS],
+    ids=lambda f: str(f.relative_to(PACKAGE)),
+)
+def test_nothing_below_experiments_plots_or_knows_a_budget(file: Path) -> None:
+    tree = ast.parse(file.read_text())
+    modules = {
+        name.split(".")[0]
+        for node in ast.walk(tree)
+        for name in (
+            [alias.name for alias in node.names]
+            if isinstance(node, ast.Import)
+            else [node.module or ""]
+            if isinstance(node, ast.ImportFrom)
+            else []
+        )
+    }
+    assert not modules & {"matplotlib", "IPython", "papermill", "tyro", "argparse"}
+    names = {node.arg for node in ast.walk(tree) if isinstance(node, ast.arg)}
+    names |= {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    assert "budget" not in names

@@ -1,0 +1,178 @@
+"""Build the book: run what changed, write the generated pages, run Sphinx."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+from thesis_lib.book.compiled import numba_cache
+from thesis_lib.book.execution import Run, Task, execute, finished, last_run, plan
+from thesis_lib.book.pages import generated
+from thesis_lib.book.paths import Paths
+from thesis_lib.book.staging import fingerprint, stage
+from thesis_lib.experiments.base import check_budget, check_seed, replacing
+
+_STAMP = ".source"
+_COLLECTED = ".from-notebooks"
+
+
+def build(
+    budget: str = "book",
+    seed: int = 0,
+    only: Sequence[str] = (),
+    *,
+    root: Path | None = None,
+    say: Callable[[str], None] | None = None,
+) -> int:
+    """Execute the notebooks that need it and build the book.
+
+    Parameters
+    ----------
+    budget
+        ``smoke``, ``book`` or ``thesis``.
+    seed
+        Seed of every notebook.
+    only
+        Names of notebooks to execute, such as ``ch03_potentials``, for a draft in
+        ``_build/html-draft``: the others are shown as they last ran, and warnings do not fail
+        the build.  All when empty.
+    root
+        The checkout; default the one this library runs from.
+    say
+        Told what happens, a line at a time; prints by default.
+
+    Returns
+    -------
+    int
+        Exit status: 0, or 1 if a notebook or Sphinx failed.
+
+    Raises
+    ------
+    ValueError
+        If the budget, the seed or a notebook's name is not one that exists.
+    """
+    say = say or partial(print, flush=True)
+    paths = Paths.of(check_budget(budget), root, draft=bool(only))
+    check_seed(seed)
+    paths.build.mkdir(exist_ok=True)
+    with _lock(paths.build / f".lock-{budget}", say):
+        started = time.perf_counter()
+        tasks = {task.name: task for task in plan(paths, seed)}
+        _check_names(only, tasks)
+        if not _run(tasks, only, paths, say):
+            return 1
+        found = {
+            name: last_run(name, paths) if only else finished(task, paths)
+            for name, task in tasks.items()
+        }
+        runs = {name: run for name, run in found.items() if run and _shows(run, tasks[name])}
+        collect_tables(runs, paths.results)
+        stage(paths, tasks, runs, generated(paths.results, runs))
+        status = _render(paths, strict=not only, say=say)
+        if status == 0:
+            say(
+                f"The book is built ({time.perf_counter() - started:.0f} s).  Open\n"
+                f"  {paths.html / 'index.html'}\n"
+                "in a browser" + (", or run `make serve`." if budget == "book" else ".")
+            )
+        return status
+
+
+def collect_tables(runs: Mapping[str, Run], results: Path) -> None:
+    """Bring the notebooks' tables to where the ledger reads them.
+
+    A table of the same name from elsewhere (``thesis run``) is replaced, so that the verdicts
+    rest on the run that the pages show.  One that a notebook used to make and makes no longer
+    is removed; one that none ever made is left alone.
+    """
+    results.mkdir(parents=True, exist_ok=True)
+    record = results / _COLLECTED
+    before = set(json.loads(record.read_text())) if record.exists() else set()
+    tables = {table.name: table.read_bytes() for run in runs.values() for table in run.tables}
+    for name, data in tables.items():
+        target = results / name
+        if not target.exists() or target.read_bytes() != data:
+            with replacing(target) as temporary:
+                temporary.write_bytes(data)
+    for name in before - set(tables):
+        (results / name).unlink(missing_ok=True)
+    record.write_text(json.dumps(sorted(tables)) + "\n")
+
+
+def _check_names(only: Sequence[str], tasks: Mapping[str, Task]) -> None:
+    unknown = [name for name in only if name not in tasks]
+    if unknown:
+        raise ValueError(
+            f"there is no notebook {', '.join(map(repr, unknown))}; choose among "
+            f"{', '.join(tasks)}."
+        )
+
+
+def _run(
+    tasks: Mapping[str, Task], only: Sequence[str], paths: Paths, say: Callable[[str], None]
+) -> bool:
+    """Execute what needs it; returns whether all went well."""
+    wanted = [task for task in tasks.values() if not only or task.name in only]
+    stale = [task for task in wanted if finished(task, paths) is None]
+    say(
+        f"{len(wanted)} notebooks at the {paths.budget} budget: {len(wanted) - len(stale)} "
+        f"unchanged, {len(stale)} to execute."
+    )
+    if stale:
+        for leftover in paths.executed.glob(".*"):  # of runs that were killed
+            shutil.rmtree(leftover)
+        for cache in (paths.build / "numba").glob("*"):
+            if cache != numba_cache(paths.root):
+                shutil.rmtree(cache, ignore_errors=True)
+    errors = execute(stale, paths, say)
+    for error in errors.values():
+        say(f"\n{error}")
+    return not errors
+
+
+def _shows(run: Run, task: Task) -> bool:
+    """Whether a run has outputs for the notebook's cells as they stand."""
+    cells = [cell for cell in task.source.cells if cell.cell_type == "code"]
+    return sum(cell.cell_type == "code" for cell in run.notebook.cells) == len(cells)
+
+
+def _render(paths: Paths, *, strict: bool, say: Callable[[str], None]) -> int:
+    """Run Sphinx, unless the pages are those of the staged book already."""
+    stamp = paths.html / _STAMP
+    # The Sphinx extensions are part of what makes the pages.
+    current = fingerprint(paths.source) + fingerprint(Path(__file__).parent, "*.py")
+    if strict and stamp.exists() and stamp.read_text() == current:
+        say("No page changed.")
+        return 0
+    stamp.unlink(missing_ok=True)
+    folders = [str(folder) for folder in (paths.source, paths.html, paths.doctrees)]
+    command = [sys.executable, "-m", "thesis_lib.book.render", *folders]
+    done = subprocess.run([*command, *(["--strict"] if strict else [])], check=False)
+    if done.returncode:
+        # Sphinx warns only about pages it reads; what it has read must not hide a warning.
+        shutil.rmtree(paths.doctrees, ignore_errors=True)
+        say("The book was not built: see the warnings and errors above.")
+        return 1
+    if strict:
+        stamp.write_text(current)
+    return 0
+
+
+@contextmanager
+def _lock(path: Path, say: Callable[[str], None]) -> Iterator[None]:
+    """Let one build at a budget run at a time."""
+    with path.open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            say("Waiting for another build to end ...")
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield

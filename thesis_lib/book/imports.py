@@ -1,0 +1,111 @@
+"""Which modules a piece of code depends on, found by reading its imports.
+
+The build re-executes a notebook when a module it imports, directly or through others, has
+changed.  Imports are read and not run; those inside functions count as well.  An import by
+name (``importlib.import_module``) cannot be seen, which is how ``thesis_lib.experiments`` can
+know every chapter without making each notebook depend on all of them.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterable
+from pathlib import Path
+
+PACKAGE = "thesis_lib"
+
+
+def module_file(name: str, root: Path) -> Path | None:
+    """File of a module of this package, or None if there is no such module.
+
+    Parameters
+    ----------
+    name
+        Absolute, such as ``thesis_lib.mdp.model``.
+    root
+        Folder that holds the package.
+    """
+    base = root.joinpath(*name.split("."))
+    for file in (base / "__init__.py", base.with_suffix(".py")):
+        if file.is_file():
+            return file
+    return None
+
+
+def imported(source: str, package: str = "") -> set[str]:
+    """Names of this package's modules that some source may import.
+
+    Parameters
+    ----------
+    source
+        Python source.
+    package
+        Package that holds it, against which relative imports are resolved.
+
+    Returns
+    -------
+    set of str
+        Absolute names, with every package on the way to them; ``from a import b`` gives both
+        ``a`` and ``a.b``, of which the latter need not be a module.
+
+    Raises
+    ------
+    SyntaxError
+        If the source is not Python.
+    """
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                parents = package.split(".")
+                above = parents[: len(parents) - node.level + 1]
+                base = ".".join([*above, base] if base else above)
+            names.add(base)
+            names.update(f"{base}.{alias.name}" for alias in node.names)
+    parts = [name.split(".") for name in names if name.split(".")[0] == PACKAGE]
+    return {".".join(part[:i]) for part in parts for i in range(1, len(part) + 1)}
+
+
+def closure(sources: Iterable[str], root: Path) -> dict[str, Path]:
+    """Modules of this package that some sources depend on, directly or through others.
+
+    Parameters
+    ----------
+    sources
+        Python sources, such as a notebook's code cells.
+    root
+        Folder that holds the package.
+
+    Returns
+    -------
+    dict
+        File by module name, sorted by name.
+    """
+    found: dict[str, Path] = {}
+    waiting = {name for source in sources for name in imported(source)}
+    while waiting:
+        name = waiting.pop()
+        file = module_file(name, root)
+        if name in found or file is None:
+            continue
+        found[name] = file
+        package = name if file.name == "__init__.py" else name.rpartition(".")[0]
+        waiting |= imported(file.read_text(encoding="utf-8"), package)
+    return dict(sorted(found.items()))
+
+
+def data_files(modules: dict[str, Path]) -> list[Path]:
+    """Files other than Python's that lie beside the packages among some modules.
+
+    A package that reads its own data (``thesis_lib.published``) changes with them.
+    """
+    folders = [file.parent for file in modules.values() if file.name == "__init__.py"]
+    return sorted(
+        file
+        for folder in folders
+        for file in folder.iterdir()
+        if file.is_file() and file.suffix not in {".py", ".pyc", ".so"}
+    )

@@ -1,0 +1,83 @@
+"""Pages written from data: findings, Scoreboard, Differences from the thesis, Status."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from thesis_lib.book.execution import Run
+from thesis_lib.claims import differences_markdown, findings_markdown, scoreboard_markdown
+
+
+def generated(results: Path, runs: Mapping[str, Run]) -> dict[str, str]:
+    """Every generated file by name, as MyST Markdown.
+
+    Parameters
+    ----------
+    results
+        Tables that the ledger judges.
+    runs
+        Runs of the notebooks by name.
+    """
+    return {
+        "findings.md": findings_markdown(results),
+        "scoreboard.md": scoreboard_markdown(results),
+        "differences.md": differences_markdown(results),
+        "status.md": status_markdown([runs[name] for name in sorted(runs)]),
+    }
+
+
+def status_markdown(runs: Sequence[Run]) -> str:
+    """Body of the page *Status*: how each notebook was run, and with what.
+
+    Parameters
+    ----------
+    runs
+        In the order of the table's rows.
+    """
+    if not runs:
+        return "No notebook was executed for this build.\n"
+    lines = [
+        "::::{table} How each notebook of this build was executed",
+        ":name: tbl-status-runs",
+        "",
+        "| notebook | budget | seed | duration | run on | commit | digest |",
+        "| :-- | :-- | --: | --: | :-- | :-- | :-- |",
+    ]
+    for run in runs:
+        m = run.manifest
+        lines.append(
+            f"| {{doc}}`{m['name']} <../notebooks/{m['name']}>` | {m['parameters']['budget']} "
+            f"| {m['parameters']['seed']} | {_duration(m['seconds'])} "
+            f"| {m['started'][:10]} | {_short_commit(m['commit'])} | {m['digest'][:8]} |"
+        )
+    lines += ["::::", ""]
+    machines = sorted({str(run.manifest["machine"]) for run in runs})
+    lines += [
+        f"Days are in UTC; machine: {'; '.join(machines)}.",
+        "A commit with a plus sign had uncommitted changes.",
+        "",
+        "::::{table} Versions of the software that computed the results",
+        ":name: tbl-status-versions",
+        "",
+        "| software | version |",
+        "| :-- | :-- |",
+    ]
+    used: dict[str, set[str]] = {}
+    for run in runs:
+        versions = {"Python": run.manifest["python"], **run.manifest["versions"]}
+        for name, version in versions.items():
+            used.setdefault(name, set()).add(version)
+    lines += [f"| {name} | {', '.join(sorted(used[name]))} |" for name in used]
+    return "\n".join([*lines, "::::", ""])
+
+
+def _duration(seconds: float) -> str:
+    """A duration for people: ``42 s`` or ``3 min 05 s``."""
+    whole = round(seconds)
+    return f"{whole} s" if whole < 60 else f"{whole // 60} min {whole % 60:02d} s"
+
+
+def _short_commit(commit: str) -> str:
+    """Eight digits of a commit, and the plus sign of one with changes on top."""
+    return commit[:8] + ("+" if commit.endswith("+") else "")
