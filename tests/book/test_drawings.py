@@ -13,11 +13,13 @@ from thesis_lib.book.drawings import (
     draw_chain,
     draw_cliff,
     draw_compass,
+    draw_heat,
     draw_stock,
     draw_triangle,
 )
 from thesis_lib.domains import figure_a1, figure_a2, figure_a3, stock
 from thesis_lib.domains.cliff import layouts as cliff_layouts
+from thesis_lib.domains.heat import HeatTask
 from thesis_lib.domains.triangle import layouts as triangle_layouts
 
 
@@ -41,6 +43,7 @@ def test_a_triangle_has_nine_arrows_and_its_states():
             ax = draw_triangle(layout)
             assert arrows(ax) == 9
             assert {"1", "2", "3", "goal"} <= set(words(ax))
+            plt.close(ax.figure)
 
 
 def test_a_cliff_names_start_goal_and_cliff():
@@ -68,3 +71,9 @@ def test_chains_label_rewards_and_probabilities():
     ax = draw_chain(figure_a3().tasks[1], FOUR)
     action_legend(ax)
     assert {"+6", "p = 0.05", "p = 0.95"} <= set(words(ax))
+
+
+def test_a_heat_task_shows_its_source_where_it_is():
+    ax = draw_heat(HeatTask((7.0, 6.0)), path=[(2, 2), (3, 3)])
+    assert "source" in words(ax)
+    assert any(line.get_xydata().tolist() == [[7.0, 6.0]] for line in ax.lines)

@@ -165,7 +165,7 @@ def test_bad_input_is_one_sentence():
     with pytest.raises(ValueError, match="states, but at most"):
         stock(4, 5, 5)
     with pytest.raises(ValueError, match="transition matrix of a stock task of size <1, 2, 11>"):
-        stock(1, 2, 11).tasks[0].to_tabular()
+        StockMDP([[1, 0]], [True] * 11).to_tabular()
     with pytest.raises(ValueError, match="state bits"):
         StockSize(1, 1, 1).state([1], [2], [0])
 

@@ -1,4 +1,4 @@
-"""Pictures of example tasks, like figures 3.3a, 3.4a and A.1 to A.3 of the thesis.
+"""Pictures of example tasks: figures 3.3a, 3.4a and A.1 to A.3, the cliff and the heat domain.
 
 Every function draws into the axes it is given, or makes a figure of its own, and
 returns the axes.
@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.book.style import COLOURS
 from thesis_lib.domains.cliff import ACTIONS, MOVES, CliffLayout
+from thesis_lib.domains.heat import HeatTask
 from thesis_lib.domains.stock import StockMDP
 from thesis_lib.domains.triangle import STATES, TriangleLayout
 from thesis_lib.mdp.model import TabularMDP
@@ -352,6 +353,52 @@ def draw_stock(
     high = max(x_sector[-1] + width, centre + 0.6 * G)
     ax.set_xlim(low - 0.2, high + 0.2)
     ax.set_ylim(-0.75, 3.2)
+    return ax
+
+
+def draw_heat(
+    task: HeatTask,
+    *,
+    robot: ArrayLike = (3.0, 3.0, 0.6),
+    path: ArrayLike | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """One heat task: the walled area, the heat, the source and the robot.
+
+    Parameters
+    ----------
+    task
+        The task.
+    robot
+        x, y and heading of the robot.
+    path
+        Positions visited, shape ``(n, 2)``, drawn as a line that ends at the robot.
+    ax
+        Where to draw.
+
+    Returns
+    -------
+    Axes
+    """
+    ax = _blank(ax, 3.6, 3.6)
+    size, radius = task.world.size, task.world.radius
+    grid = np.linspace(0, size, 101)
+    x, y = np.meshgrid(grid, grid)
+    warmth = task.world.heat(np.hypot(x - task.source[0], y - task.source[1]))
+    ax.contourf(x, y, warmth, levels=np.linspace(0, 1, 11), cmap="OrRd", alpha=0.75, zorder=0)
+    ax.add_patch(Rectangle((0, 0), size, size, fill=False, edgecolor=INK, linewidth=3))
+    ax.plot(*task.source, marker="*", color=INK, markersize=15, zorder=5)
+    _label(ax, task.source[0], task.source[1] + 0.75, "source", INK)
+    at_x, at_y, heading = np.asarray(robot, dtype=float)
+    if path is not None:
+        ax.plot(*np.asarray(path, dtype=float).T, color=BLUE, linewidth=1.4, zorder=2)
+    ax.add_patch(
+        Circle((at_x, at_y), radius, facecolor=PALE, edgecolor=BLUE, linewidth=2, zorder=3)
+    )
+    tip = (at_x + radius * np.cos(heading), at_y + radius * np.sin(heading))
+    ax.plot([at_x, tip[0]], [at_y, tip[1]], color=BLUE, linewidth=2.4, zorder=4)
+    ax.set_xlim(-0.15, size + 0.15)
+    ax.set_ylim(-0.15, size + 0.15)
     return ax
 
 

@@ -2,9 +2,10 @@
 
 Importing :mod:`thesis_lib.domains` registers ``thesis/EpisodicCliff-v0``,
 ``thesis/ContinuingCliff-v0``, ``thesis/Triangle-v0``, ``thesis/Stock-v0``,
-``thesis/AppendixA1-v0``, ``thesis/AppendixA2-v0`` and ``thesis/AppendixA3-v0``.  A task is
-named by its index in the domain, and what else is given goes to the function that makes
-the domain::
+``thesis/AppendixA1-v0``, ``thesis/AppendixA2-v0`` and ``thesis/AppendixA3-v0``, and the
+continuous ``thesis/Heat-v0`` (:class:`~thesis_lib.domains.heat_environment.HeatEnv`).  A
+task is named by its index in the domain, and what else is given goes to the function that
+makes the domain::
 
     gymnasium.make("thesis/Stock-v0", task=5, sectors=1, stocks=2, global_factors=3)
 
@@ -91,3 +92,7 @@ def register() -> None:
                 entry_point="thesis_lib.domains.environments:make",
                 kwargs={"domain": name},
             )
+    if "thesis/Heat-v0" not in gymnasium.registry:
+        gymnasium.register(
+            id="thesis/Heat-v0", entry_point="thesis_lib.domains.heat_environment:HeatEnv"
+        )
