@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -19,7 +19,7 @@ from thesis_lib.mdp.checks import (
     table,
 )
 from thesis_lib.mdp.greedy import EXPLORATIONS, Exploration, tie_tolerance
-from thesis_lib.mdp.model import MDP, FloatArray, IntArray
+from thesis_lib.mdp.model import MDP, BoolArray, FloatArray, IntArray
 from thesis_lib.mdp.sampling import draw, sampler
 
 Method = Literal["sarsa", "q_learning", "expected_sarsa", "double_q_learning"]
@@ -96,6 +96,83 @@ class Learned:
     actions: NDArray[np.int32] | None = None
     td_errors: FloatArray | None = None
     checkpoint_q: FloatArray | None = None
+
+
+class _Task(NamedTuple):
+    """What the loop draws from; see :class:`~thesis_lib.mdp.sampling.Sampler`."""
+
+    successor: NDArray[np.int32]
+    cumulative: FloatArray
+    reward: FloatArray
+    terminal: BoolArray
+    start: NDArray[np.int32]
+    start_cumulative: FloatArray
+    discount: float
+
+
+class _Tables(NamedTuple):
+    """What is learned: ``advised`` is q + phi, ``pair`` Double Q-learning's estimators."""
+
+    q: FloatArray
+    phi: FloatArray
+    advised: FloatArray
+    pair: FloatArray
+    second: FloatArray
+    nothing: FloatArray
+    visits: IntArray
+
+
+class _Rates(NamedTuple):
+    """Learning and exploration; schedules have one entry or one a unit of the budget."""
+
+    alpha: FloatArray
+    epsilon: FloatArray
+    second_alpha: FloatArray
+    others: bool
+    tie: float
+
+
+class _Budget(NamedTuple):
+    """Episodes or steps, the other being -1; ``cap`` and ``every`` are off at 0."""
+
+    episodes: int
+    steps: int
+    cap: int
+    every: int
+
+
+class _Place(NamedTuple):
+    """Where a stretch of the loop left off.
+
+    ``whole`` holds state, action (-1 before the first), steps, episodes and the steps of
+    the current episode; ``sums`` all reward and that of the current episode.
+    """
+
+    whole: IntArray
+    sums: FloatArray
+
+    @property
+    def steps(self) -> int:
+        return int(self.whole[2])
+
+    @property
+    def episodes(self) -> int:
+        return int(self.whole[3])
+
+
+class _Records(NamedTuple):
+    """Buffers of one stretch; of size 0 what is not recorded.
+
+    ``ends``: return, length and whether cut off of each episode.  ``marks`` and
+    ``snapshots``: cumulative reward and q of each checkpoint.  ``numbers`` and
+    ``indices``: reward and TD error, state and action of each step.
+    """
+
+    ends: FloatArray
+    marks: FloatArray
+    snapshots: FloatArray
+    numbers: FloatArray
+    indices: NDArray[np.int32]
 
 
 def learn(
@@ -231,100 +308,93 @@ def learn(
     if "q" in record and every == 0:
         raise ValueError("record asks for q, which is kept at checkpoints; give checkpoint_every.")
     rate = schedule("alpha", alpha, length, unit, zero_allowed=False)
-    explore = schedule("epsilon", epsilon, length, unit, zero_allowed=True)
-    if companion is None:
-        if companion_alpha is not None:
-            raise ValueError("companion_alpha is given, but no companion; name its learning rule.")
-        second_rule, second_rate = -1, rate
-    else:
-        second_rule = METHODS.index(one_of("companion", companion, COMPANIONS))
-        second_rate = (
-            rate
-            if companion_alpha is None
-            else schedule("companion_alpha", companion_alpha, length, unit, zero_allowed=False)
-        )
+    second_rate = rate
+    if companion is not None:
+        one_of("companion", companion, COMPANIONS)
+    elif companion_alpha is not None:
+        raise ValueError("companion_alpha is given, but no companion; name its learning rule.")
+    if companion_alpha is not None:
+        second_rate = schedule("companion_alpha", companion_alpha, length, unit, zero_allowed=False)
     shape = (mdp.n_states, mdp.n_actions)
     q = np.zeros(shape) if initial_q is None else table("initial_q", initial_q, mdp)
     phi = np.zeros(shape) if potential is None else table("potential", potential, mdp)
     source = sampler(mdp)
     double = method == "double_q_learning"
-    pair = np.stack([q, q]) if double else np.zeros((2, 0, 0))
     second = q + phi if companion is not None else np.zeros((0, 0))
-    tracing = any(what != "q" for what in record)
-    n_episodes, n_steps = (length, -1) if unit == "episode" else (-1, length)
-    stretch = TRACED_STRETCH if tracing else STRETCH
-    place = np.array([0, -1, 0, 0, 0])
-    sums = np.zeros(2)
-    visits = np.zeros(shape, np.int64)
-    advised = q + phi
-    tie = tie_tolerance(source.reward, q, phi)
+    tables = _Tables(
+        q=q,
+        phi=phi,
+        advised=q + phi,
+        pair=np.stack([q, q]) if double else np.zeros((2, 0, 0)),
+        second=second,
+        nothing=np.zeros_like(second),
+        visits=np.zeros(shape, np.int64),
+    )
+    rates = _Rates(
+        rate,
+        schedule("epsilon", epsilon, length, unit, zero_allowed=True),
+        second_rate,
+        exploration == "others",
+        tie_tolerance(source.reward, q, phi),
+    )
+    budget = _Budget(
+        episodes=length if unit == "episode" else -1,
+        steps=length if unit == "step" else -1,
+        cap=cap,
+        every=every,
+    )
+    task = _Task(
+        source.successor,
+        source.cumulative,
+        source.reward,
+        source.terminal,
+        source.start,
+        source.start_cumulative,
+        float(mdp.discount),
+    )
+    at = _Place(np.array([0, -1, 0, 0, 0]), np.zeros(2))
     rng = generator(rng)
-    parts = []
-    while place[3] != n_episodes and place[2] != n_steps:
-        until = place[2] + stretch if n_steps < 0 else min(place[2] + stretch, n_steps)
-        ends = np.empty((min(ENDS, n_episodes) if n_steps < 0 else ENDS, 3))
-        marks = np.empty(MARKS if every else 0)
-        snapshots = np.empty((MARKS if "q" in record else 0, *shape))
-        numbers = np.empty((until - place[2] if tracing else 0, 2))
-        indices = np.empty(numbers.shape, np.int32)
+    tracing = any(what != "q" for what in record)
+    parts: list[list[NDArray[Any]]] = []
+    while at.steps != budget.steps and at.episodes != budget.episodes:
+        until = at.steps + (TRACED_STRETCH if tracing else STRETCH)
+        if budget.steps >= 0:
+            until = min(until, budget.steps)
+        records = _Records(
+            ends=np.empty((ENDS, 3)),
+            marks=np.empty(MARKS if every else 0),
+            snapshots=np.empty((MARKS if "q" in record else 0, *shape)),
+            numbers=np.empty((until - at.steps if tracing else 0, 2)),
+            indices=np.empty((until - at.steps if tracing else 0, 2), np.int32),
+        )
         n_ends, n_marks, n_taken = _run(
             METHODS.index(method),
-            second_rule,
-            source.successor,
-            source.cumulative,
-            source.reward,
-            source.terminal,
-            source.start,
-            source.start_cumulative,
-            mdp.discount,
-            q,
-            phi,
-            advised,
-            pair,
-            second,
-            np.zeros_like(second),
-            rate,
-            explore,
-            second_rate,
-            exploration == "others",
-            tie,
-            n_episodes,
-            n_steps,
-            cap,
-            every,
-            place,
-            sums,
-            visits,
-            ends,
-            marks,
-            snapshots,
-            numbers,
-            indices,
+            -1 if companion is None else METHODS.index(companion),
+            *task,
+            *tables,
+            *rates,
+            *budget,
+            *at,
+            *records,
             until,
             rng,
         )
-        parts.append(
-            (
-                ends[:n_ends],
-                marks[:n_marks],
-                snapshots[:n_marks],
-                numbers[:n_taken],
-                indices[:n_taken],
-            )
-        )
+        buffers: tuple[NDArray[Any], ...] = records
+        filled = (n_ends, n_marks, n_marks, n_taken, n_taken)
+        parts.append([rows[:n] for rows, n in zip(buffers, filled, strict=True)])
     ends, marks, snapshots, numbers, indices = (np.concatenate(p) for p in zip(*parts, strict=True))
     return Learned(
         q=q,
-        total_reward=float(sums[0]),
-        n_steps=int(place[2]),
+        total_reward=float(at.sums[0]),
+        n_steps=at.steps,
         episode_returns=ends[:, 0].copy(),
         episode_lengths=ends[:, 1].astype(np.int64),
         truncated=ends[:, 2] == 1,
-        visits=visits,
+        visits=tables.visits,
         checkpoint_steps=every * np.arange(1, marks.size + 1),
         checkpoint_rewards=marks,
         companion=second if companion is not None else None,
-        estimators=pair if double else None,
+        estimators=tables.pair if double else None,
         rewards=numbers[:, 0].copy() if "rewards" in record else None,
         td_errors=numbers[:, 1].copy() if "td_errors" in record else None,
         states=indices[:, 0].copy() if "states" in record else None,
@@ -452,52 +522,27 @@ def _first_state(start, start_cumulative, rng):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _run(  # type: ignore[no-untyped-def]
-    rule,
-    second_rule,
-    successor,
-    cumulative,
-    reward,
-    terminal,
-    start,
-    start_cumulative,
-    discount,
-    q,
-    phi,
-    advised,
-    pair,
-    second,
-    nothing,
-    rate,
-    explore,
-    second_rate,
-    others,
-    tie,
-    n_episodes,
-    n_steps,
-    cap,
-    every,
-    place,
-    sums,
-    visits,
-    ends,
-    marks,
-    snapshots,
-    numbers,
-    indices,
-    until,
-    rng,
-):
+    rule, second_rule,
+    successor, cumulative, reward, terminal, start, start_cumulative, discount,
+    q, phi, advised, pair, second, nothing, visits,
+    rate, explore, second_rate, others, tie,
+    n_episodes, n_steps, cap, every,
+    whole, sums,
+    ends, marks, snapshots, numbers, indices,
+    until, rng,
+):  # fmt: skip
     """Run a stretch of the loop of algorithms 3 and 4, and return how much it recorded.
 
-    Learned tables, ``place``, ``sums`` and the records are changed in place.  A budget of
-    -1 is no budget; ``second_rule`` is off at -1, ``cap`` and ``every`` at 0, a record at
-    size 0.  The stretch ends at step ``until``, with the budget, or with a record full;
-    arrays are not grown here, as reassigning one would cost more than all the learning.
+    The arguments are the fields of :class:`_Task`, :class:`_Tables`, :class:`_Rates`,
+    :class:`_Budget`, :class:`_Place` and :class:`_Records`: passed as tuples they would
+    cost more than a short run.  The arrays are changed in place.  The stretch ends at step
+    ``until``, with the budget, or with a record full; arrays are not grown here, as
+    reassigning one would cost more than all the learning.
     """
     deterministic = cumulative.shape[2] == 1
     by_step = n_steps >= 0
     tracing = numbers.shape[0] > 0
-    s, a, t, episode, length = place[0], place[1], place[2], place[3], place[4]
+    s, a, t, episode, length = whole[0], whole[1], whole[2], whole[3], whole[4]
     total, earned = sums[0], sums[1]
     begun, n_ends, n_marks = t, 0, 0
     next_mark = (t // every + 1) * every if every > 0 else -1
@@ -587,6 +632,6 @@ def _run(  # type: ignore[no-untyped-def]
             next_mark += every
             if n_marks == marks.shape[0]:
                 until = t
-    place[0], place[1], place[2], place[3], place[4] = s, a, t, episode, length
+    whole[0], whole[1], whole[2], whole[3], whole[4] = s, a, t, episode, length
     sums[0], sums[1] = total, earned
     return n_ends, n_marks, t - begun
