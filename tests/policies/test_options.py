@@ -159,5 +159,5 @@ def test_a_parameter_that_is_not_finite_is_named() -> None:
     policy.check_finite()
     with torch.no_grad():
         policy.head.bias[0] = float("nan")
-    with pytest.raises(FloatingPointError, match="parameter 'head.bias' of the gru policy"):
+    with pytest.raises(FloatingPointError, match=r"parameter 'head\.bias' of the gru"):
         policy.check_finite()

@@ -1,0 +1,73 @@
+r"""One iteration of algorithms 5 and 6 from a batch of rollouts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from thesis_lib.optimisation.baseline import LinearBaseline
+from thesis_lib.optimisation.problem import Algorithm, UpdateReport, make_batch
+from thesis_lib.optimisation.returns import advantages, discounted_returns, standardised
+from thesis_lib.optimisation.rollouts import Rollouts
+from thesis_lib.policies import GaussianPolicy
+
+
+@dataclass
+class Learner:
+    r"""A policy, its baseline and the rule that improves them.
+
+    Parameters
+    ----------
+    policy
+        :math:`\pi_\theta`.
+    algorithm
+        :class:`~thesis_lib.optimisation.VPG`, :class:`~thesis_lib.optimisation.NaturalPG`,
+        :class:`~thesis_lib.optimisation.TRPO` or :class:`~thesis_lib.optimisation.PPO`.
+    discount
+        :math:`\gamma`.
+    trace
+        :math:`\lambda` of the advantage estimate; 1 is equation 2.12.
+    standardise
+        Whether advantages are shifted and scaled to mean 0 and deviation 1.
+    bootstrap
+        Whether an episode cut by a limit is credited with the baseline of the state it
+        was cut in.
+    baseline
+        :math:`b`.
+    """
+
+    policy: GaussianPolicy
+    algorithm: Algorithm
+    discount: float = 0.99
+    trace: float = 1.0
+    standardise: bool = True
+    bootstrap: bool = False
+    baseline: LinearBaseline = field(default_factory=LinearBaseline)
+
+    def improve(self, rollouts: Rollouts) -> UpdateReport:
+        """Lines 4 to 8 of algorithm 5, or 4 to 9 of algorithm 6.
+
+        The advantages use the baseline fitted to earlier rollouts, so that it does not
+        depend on the actions it is subtracted from.
+
+        Parameters
+        ----------
+        rollouts
+            Collected with the current policy.
+        """
+        packing = rollouts.packing
+        seen = self.policy.select(rollouts.observations)
+        # line 5: R_t
+        returns = discounted_returns(rollouts.rewards, packing, self.discount)
+        # line 6: A_t = R_t - b(s_t)
+        values = self.baseline.predict(seen, packing.time)
+        last = None
+        if self.bootstrap:
+            final = self.policy.select(rollouts.final_observations)
+            last = self.baseline.predict(final, packing.lengths) * ~rollouts.terminated
+        estimate = advantages(rollouts.rewards, values, packing, self.discount, self.trace, last)
+        # line 7: fit b to R_t
+        self.baseline.fit(seen, packing.time, returns)
+        # line 8, and line 9 of algorithm 6
+        if self.standardise:
+            estimate = standardised(estimate)
+        return self.algorithm.update(self.policy, make_batch(self.policy, rollouts, estimate))

@@ -1,0 +1,401 @@
+"""Collect whole episodes from many worlds at once (section 5.4).
+
+The rule
+--------
+Episodes are numbered in the order in which they *start*.  A batch of ``n`` steps is the
+shortest run of episodes 0, 1, 2, ... whose lengths add up to at least ``n``; every one of
+them is finished, and whatever was begun after them is thrown away.
+
+This is what a single world would collect by sampling one whole episode after another until
+it has ``n`` steps, the author's rule, and the batch has the same distribution: whether an
+episode belongs to it depends only on the lengths of those numbered before it.  Taking the
+episodes that *finish* first instead would prefer short ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike, NDArray
+
+from thesis_lib.policies import GaussianPolicy, Packing
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
+
+
+class Outcome(Protocol):
+    """What a task's step returns, an entry for each of n worlds."""
+
+    @property
+    def observation(self) -> FloatArray:
+        """What the policy sees next, shape ``(n, D)``."""
+        ...
+
+    @property
+    def reward(self) -> FloatArray:
+        """Shape ``(n,)``."""
+        ...
+
+    @property
+    def terminated(self) -> BoolArray:
+        """Whether the state ended the episode, shape ``(n,)``."""
+        ...
+
+    @property
+    def truncated(self) -> BoolArray:
+        """Whether a limit ended the episode, shape ``(n,)``."""
+        ...
+
+
+class VectorTask(Protocol):
+    """A task in n worlds; a world that has ended stands still until it is reset.
+
+    :class:`thesis_lib.locomotion.BatchTask` is one.
+    """
+
+    @property
+    def n_worlds(self) -> int:
+        """Number of worlds n."""
+        ...
+
+    @property
+    def observation_size(self) -> int:
+        """Length D of an observation."""
+        ...
+
+    @property
+    def action_size(self) -> int:
+        """Length A of an action."""
+        ...
+
+    def reset(self, worlds: Any = None) -> FloatArray:
+        """Start new episodes in k worlds (default all); observations, shape ``(k, D)``."""
+        ...
+
+    def step(self, actions: ArrayLike) -> Outcome:
+        """Act in every world, shape ``(n, A)``."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Rollouts:
+    """A batch of whole episodes, as rows laid out by ``packing``.
+
+    Attributes
+    ----------
+    packing
+        Which row is which step of which episode; episodes in the order of their start.
+    observations
+        What the policy saw before each action, shape ``(R, D)``.
+    actions
+        Shape ``(R, A)``, as drawn, before the task clips them.
+    rewards
+        Shape ``(R,)``.
+    terminated
+        Whether each episode ended by its state and not by a limit, shape ``(B,)``.
+    final_observations
+        What the policy would have seen next, shape ``(B, D)``.
+    hidden
+        Last hidden layer, shape ``(R, F)``, for policies that keep it.
+    n_simulated
+        Steps simulated for this batch, those thrown away included.
+    """
+
+    packing: Packing
+    observations: FloatArray
+    actions: FloatArray
+    rewards: FloatArray
+    terminated: BoolArray
+    final_observations: FloatArray
+    hidden: torch.Tensor | None = None
+    n_simulated: int = 0
+
+    @staticmethod
+    def from_padded(
+        observations: ArrayLike, actions: ArrayLike, rewards: ArrayLike, mask: ArrayLike
+    ) -> Rollouts:
+        """Make a batch from padded arrays.
+
+        Parameters
+        ----------
+        observations, actions, rewards
+            Shapes ``(T, B, D)``, ``(T, B, A)`` and ``(T, B)``; what stands in the
+            padding is ignored.
+        mask
+            True where a step happened, shape ``(T, B)``.
+        """
+        packing = Packing.from_mask(mask)
+        o, a, r = (np.asarray(x, dtype=np.float64) for x in (observations, actions, rewards))
+        return Rollouts(
+            packing=packing,
+            observations=packing.pack(o),
+            actions=packing.pack(a),
+            rewards=packing.pack(r),
+            terminated=np.zeros(packing.n_episodes, dtype=bool),
+            final_observations=np.zeros((packing.n_episodes, o.shape[-1])),
+            n_simulated=packing.n_steps,
+        )
+
+    @property
+    def n_steps(self) -> int:
+        """Number of steps R."""
+        return self.packing.n_steps
+
+    @property
+    def n_episodes(self) -> int:
+        """Number of episodes B."""
+        return self.packing.n_episodes
+
+    @property
+    def lengths(self) -> IntArray:
+        """Length of each episode in steps, shape ``(B,)``."""
+        return self.packing.lengths
+
+    @property
+    def episode_returns(self) -> FloatArray:
+        """Undiscounted return of each episode, shape ``(B,)``."""
+        total = np.zeros(self.packing.n_episodes)
+        np.add.at(total, self.packing.episode, self.rewards)
+        return total
+
+    def padded(self, name: str) -> FloatArray:
+        """``observations``, ``actions`` or ``rewards`` padded with 0, shape ``(T, B, ...)``."""
+        return self.packing.unpack(getattr(self, name))
+
+    @property
+    def mask(self) -> BoolArray:
+        """True where a padded array holds a real step, shape ``(T, B)``."""
+        return self.packing.mask()
+
+
+def collect(
+    task: VectorTask,
+    policy: GaussianPolicy,
+    n_steps: int,
+    generator: np.random.Generator,
+    *,
+    greedy: bool = False,
+) -> Rollouts:
+    """Collect whole episodes of at least ``n_steps`` steps by the rule of this module.
+
+    Parameters
+    ----------
+    task
+        Any task in n worlds.  All worlds are reset first.
+    policy
+        Evaluated once a step for all worlds.
+    n_steps
+        Number of steps wanted, at least 1; the last episode goes beyond it.
+    generator
+        Source of the exploration noise.
+    greedy
+        Whether to act by the mean instead.
+
+    Raises
+    ------
+    ValueError
+        When the task does not fit the policy or ``n_steps`` is not positive.
+    FloatingPointError
+        When an observation, a reward or an action is not finite.
+    """
+    if n_steps < 1:
+        raise ValueError(f"n_steps is {n_steps}, but a batch needs at least 1 step.")
+    recorder = _Recorder(task, policy, None if greedy else generator)
+    while recorder.needed(n_steps) is None:
+        if recorder.step():
+            idle = np.flatnonzero(~recorder.running)
+            recorder.start(idle[: recorder.wanted(n_steps)])
+    return recorder.rollouts(recorder.needed(n_steps) or 0)
+
+
+def run_episodes(
+    task: VectorTask,
+    policy: GaussianPolicy,
+    generator: np.random.Generator | None = None,
+    *,
+    max_steps: int | None = None,
+) -> Rollouts:
+    """Run one episode in every world; episode i of the result is that of world i.
+
+    Parameters
+    ----------
+    task
+        Any task in n worlds.
+    policy
+        The policy.
+    generator
+        Source of the exploration noise; None acts greedily, by the mean.
+    max_steps
+        Steps after which episodes are cut, for tasks that have no limit of their own.
+    """
+    recorder = _Recorder(task, policy, generator)
+    while recorder.running.any() and (max_steps is None or recorder.n_passes < max_steps):
+        recorder.step()
+    recorder.cut()
+    return recorder.rollouts(task.n_worlds)
+
+
+class _Recorder:
+    """The loop of acting and recording, and which world runs which episode."""
+
+    def __init__(
+        self, task: VectorTask, policy: GaussianPolicy, generator: np.random.Generator | None
+    ) -> None:
+        for name in ("observation_size", "action_size"):
+            ours, theirs = getattr(policy, name), getattr(task, name)
+            if ours != theirs:
+                raise ValueError(
+                    f"the task's {name} is {theirs}, but the policy was made for {ours}."
+                )
+        n = task.n_worlds
+        self.task, self.policy, self.generator = task, policy, generator
+        self.n_passes = 0
+        self.running = np.ones(n, dtype=bool)
+        self.episode = np.arange(n)
+        self.time = np.zeros(n, dtype=np.int64)
+        self.lengths = [0] * n
+        self.finished = [False] * n
+        self.terminated = [False] * n
+        self.final: list[FloatArray | None] = [None] * n
+        self.first_unfinished = 0
+        self.steps_before = 0
+        self.observation = np.array(task.reset(), dtype=np.float64)
+        with torch.no_grad():
+            self.state = policy.initial_state(n).clone()
+            self.std = torch.exp(policy.deviation()).double().numpy()
+        self.before = np.zeros((n, policy.action_size))
+        self.records: list[tuple[Any, ...]] = []
+
+    def step(self) -> bool:
+        """Act once in all worlds; whether an episode has just ended."""
+        with torch.no_grad():
+            mean, state = self.policy.step(
+                torch.from_numpy(self.observation), torch.from_numpy(self.before), self.state
+            )
+        action = mean.double().numpy()
+        if self.generator is not None:
+            action = action + self.std * self.generator.standard_normal(action.shape)
+        running = self.running
+        self._check("action", action)
+        outcome = self.task.step(action)
+        self._check("reward", outcome.reward)
+        self._check("observation", outcome.observation)
+        hidden = state[:, : self.policy.hidden_size] if self.policy.keeps_hidden else None
+        episode = np.where(running, self.episode, -1)
+        self.records.append(
+            (self.observation, action, outcome.reward.copy(), episode, self.time.copy(), hidden)
+        )
+        self.time += running
+        self.n_passes += 1
+        self.observation = np.array(outcome.observation, dtype=np.float64)
+        self.before, self.state = action, state
+        ended = np.flatnonzero((outcome.terminated | outcome.truncated) & running)
+        for i in ended:
+            self._finish(int(i), bool(outcome.terminated[i]))
+        return len(ended) > 0
+
+    def _finish(self, world: int, terminated: bool) -> None:
+        k = self.episode[world]
+        self.lengths[k] = int(self.time[world])
+        self.finished[k] = True
+        self.terminated[k] = terminated
+        self.final[k] = self.observation[world].copy()
+        self.running[world] = False
+
+    def cut(self) -> None:
+        """End all episodes where they are."""
+        for i in np.flatnonzero(self.running):
+            self._finish(int(i), False)
+
+    def start(self, worlds: IntArray) -> None:
+        """Start a new episode in some worlds that have ended."""
+        if len(worlds) == 0:
+            return
+        self.observation[worlds] = self.task.reset(worlds)
+        self.state = self.state.clone()
+        with torch.no_grad():
+            self.state[torch.as_tensor(worlds)] = self.policy.initial_state(len(worlds))
+        self.before = self.before.copy()
+        self.before[worlds] = 0.0
+        self.time[worlds] = 0
+        self.running[worlds] = True
+        self.episode[worlds] = len(self.lengths) + np.arange(len(worlds))
+        self.lengths += [0] * len(worlds)
+        self.finished += [False] * len(worlds)
+        self.terminated += [False] * len(worlds)
+        self.final += [None] * len(worlds)
+
+    def wanted(self, n_steps: int) -> int:
+        """How many episodes to start now, by a guess of how long those running will be.
+
+        The guess decides how much is thrown away, and nothing else: the rule does not
+        look at it.
+        """
+        done = sum(self.lengths)
+        n_done = sum(self.finished)
+        typical = max(done / n_done, 1.0)
+        elapsed = self.time[self.running]
+        expected = done + np.maximum(elapsed, typical).sum()
+        return max(0, int(np.ceil((n_steps - expected) / typical)))
+
+    def needed(self, n_steps: int) -> int | None:
+        """Number of episodes of the batch once it is complete, None before."""
+        while self.first_unfinished < len(self.finished):
+            if self.steps_before >= n_steps:
+                return self.first_unfinished
+            if not self.finished[self.first_unfinished]:
+                return None
+            self.steps_before += self.lengths[self.first_unfinished]
+            self.first_unfinished += 1
+        return self.first_unfinished if self.steps_before >= n_steps else None
+
+    def _check(self, name: str, values: FloatArray) -> None:
+        """Raise FloatingPointError naming the first value of a running world that is bad."""
+        if np.isfinite(values).all():
+            return
+        bad = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1) & self.running
+        if bad.any():
+            world = int(np.argmax(bad))
+            raise FloatingPointError(
+                f"the {name} in world {world} at step {self.time[world]} of its episode is "
+                f"{np.array2string(values[world], threshold=6)}, which is not finite."
+            )
+
+    def rollouts(self, n_episodes: int) -> Rollouts:
+        """The first episodes as a batch."""
+        packing = Packing(np.array(self.lengths[:n_episodes]))
+        place = np.empty(n_episodes, dtype=np.int64)
+        place[packing.order] = np.arange(n_episodes)
+        rows = packing.n_steps
+        observations = np.empty((rows, self.policy.observation_size))
+        actions = np.empty((rows, self.policy.action_size))
+        rewards = np.empty(rows)
+        hidden = None
+        if self.policy.keeps_hidden:
+            hidden = torch.empty((rows, self.policy.hidden_size), dtype=self.policy.dtype)
+        n_simulated = 0
+        for observation, action, reward, episode, time, h in self.records:
+            n_simulated += int((episode >= 0).sum())
+            worlds = np.flatnonzero((episode >= 0) & (episode < n_episodes))
+            index = packing.offsets[time[worlds]] + place[episode[worlds]]
+            observations[index] = observation[worlds]
+            actions[index] = action[worlds]
+            rewards[index] = reward[worlds]
+            if hidden is not None:
+                hidden[torch.as_tensor(index)] = h[torch.as_tensor(worlds)]
+        final = [f for f in self.final[:n_episodes] if f is not None]
+        return Rollouts(
+            packing=packing,
+            observations=observations,
+            actions=actions,
+            rewards=rewards,
+            terminated=np.array(self.terminated[:n_episodes]),
+            final_observations=np.stack(final),
+            hidden=hidden,
+            n_simulated=n_simulated,
+        )
