@@ -8,6 +8,7 @@ from thesis_lib.locomotion import robots
 from thesis_lib.locomotion.batch import (
     ACTION_LIMIT,
     DIVERGENCE_REWARD,
+    PERSISTENT_WORLDS,
     BatchTask,
     Context,
     Effect,
@@ -106,6 +107,15 @@ def test_any_number_of_threads_gives_the_same(name, hills):
         runs.append(play(batch, random_actions(batch, 60)))
     assert_same(runs[0], runs[1])
     assert_same(runs[0], runs[2])
+
+
+@pytest.mark.parametrize("name", ["Swimmer", "HalfCheetah", "Walker2d"])
+def test_any_number_of_worlds_gives_the_same(name):
+    """Large batches keep no working memory for each world; small ones do."""
+    large = BatchTask(name, PERSISTENT_WORLDS + 1, seed=4)
+    small = BatchTask(name, 2, seed=4)
+    actions = random_actions(large, 30)
+    assert_same(play(large, actions), play(small, actions[:, :2]), mine=slice(2))
 
 
 @pytest.mark.parametrize("name", ["Hopper", "Walker2d"])

@@ -43,6 +43,11 @@ def test_registered_with_the_training_horizon(env_id):
     assert gymnasium.spec(env_id).max_episode_steps == 500
 
 
+def test_the_id_may_name_the_module_to_import():
+    env = gymnasium.make("thesis_lib.locomotion:thesis/Walker2d-v0")
+    assert env.observation_space.shape == (21,)
+
+
 def test_importing_twice_warns_of_nothing():
     with warnings.catch_warnings():
         warnings.simplefilter("error")

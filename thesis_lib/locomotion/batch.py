@@ -41,6 +41,9 @@ ACTION_LIMIT = 1e3
 STATE_LIMIT = 1e10
 """Positions and velocities beyond this make the engine give up; here the world diverges."""
 
+PERSISTENT_WORLDS = 256
+"""Up to so many worlds, each keeps its own working memory; results are the same either way."""
+
 _BAD_STATE = slice(mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADCTRL + 1)
 _WARNINGS = (
     "inertia",
@@ -284,12 +287,16 @@ class BatchTask:
         self._all = np.arange(self.n_worlds)
         self._build_models(self._choose_grounds(terrain))
         # A persistent batch goes on from the forward stages of its last call, which makes
-        # positions and velocities at the new state free; forces must be computed anew
-        # anyway, and then the smaller non-persistent batch is as fast.
+        # positions and velocities at the new state free.  Forces must be computed anew
+        # anyway, and many worlds outgrow the processor's cache: then one thread's memory
+        # for all its worlds is faster.
         forces = self.task.needs_forces
         self._stage = int(mujoco.mjtStage.mjSTAGE_ACC if forces else mujoco.mjtStage.mjSTAGE_VEL)
         self._batch = mujoco.batch.Batch(
-            self._models[0][0], self.n_worlds, threads, persistent=not forces
+            self._models[0][0],
+            self.n_worlds,
+            threads,
+            persistent=not forces and self.n_worlds <= PERSISTENT_WORLDS,
         )
         self._phase = np.zeros(self.n_worlds, dtype=np.int64)
         self._set_models()
