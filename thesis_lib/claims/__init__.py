@@ -62,6 +62,12 @@ class Finding:
     evidence: str
 
 
+NO_MEANING = Finding(
+    Verdict.INCONCLUSIVE,
+    "The evidence was made at the smoke budget, whose values carry no meaning.",
+)
+
+
 @dataclass(frozen=True)
 class Claim:
     """A statement of the thesis and how it is judged.
@@ -178,8 +184,7 @@ def judge(claim: Claim, results: Path | str) -> Judgement:
         budgets.add(provenance["budget"])
     budget = ", ".join(sorted(budgets)) or "exact"
     if "smoke" in budgets:
-        smoke = "The evidence was made at the smoke budget, whose values carry no meaning."
-        return Judgement(claim, Finding(Verdict.INCONCLUSIVE, smoke), budget)
+        return Judgement(claim, NO_MEANING, budget)
     return Judgement(claim, claim.judge(tables), budget)
 
 
@@ -300,3 +305,32 @@ def _chapter_of(section: str) -> str:
     if first[:1].isdigit():
         return f"Chapter {first.split('.')[0].split(' ')[0]}"
     return f"Appendix {section.split()[-1][0]}" if section.startswith("Appendix") else section
+
+
+def verdicts(
+    ledger: Iterable[Claim], tables: Tables, prefix: str = "", *, budget: str = "book"
+) -> pd.DataFrame:
+    """Judge the claims whose evidence is among the tables given, for a chapter's own page.
+
+    Parameters
+    ----------
+    ledger
+        A chapter's claims.
+    tables
+        Tables by experiment id.
+    prefix
+        Only claims whose id starts so.
+    budget
+        At ``smoke`` nothing is judged: every verdict is ``inconclusive``.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``claim``, ``verdict``, ``evidence``; one row a claim.
+    """
+    ready = [c for c in ledger if c.id.startswith(prefix) and set(c.experiments) <= set(tables)]
+    found = [(c, NO_MEANING if budget == "smoke" else c.judge(tables)) for c in ready]
+    return pd.DataFrame(
+        [(c.statement, str(f.verdict), f.evidence) for c, f in found],
+        columns=["claim", "verdict", "evidence"],
+    )
