@@ -50,7 +50,9 @@ setup:  ## create .venv and install the pinned dependencies
 	rm -f $(VENV)/.installed; \
 	$(VENV)/bin/python -c "import pip; $$is311" 2>/dev/null || "$$python" -m venv --clear $(VENV); \
 	echo "Installing the pinned dependencies into $(VENV) (a few minutes the first time) ..."; \
-	$(RUN) pip install --quiet --disable-pip-version-check \
+	export PIP_DISABLE_PIP_VERSION_CHECK=1; \
+	$(RUN) pip install --quiet -c constraints.txt pip; \
+	$(RUN) pip install --quiet \
 	    -c constraints.txt -e '.[book,test,lab]'; \
 	echo "$$state" > $(VENV)/.installed; \
 	echo "Done."
