@@ -1,0 +1,204 @@
+"""scikit-learn's conventions, the simple selectors, exact selection and ROC points."""
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+from sklearn.base import clone
+from sklearn.model_selection import ParameterGrid
+
+from tests.relevance.worlds import world
+from tests.selection.examples import planted, solved
+from thesis_lib.domains import stock, triangle
+from thesis_lib.relevance import Solutions, domain_relevance, k_relevance, remove
+from thesis_lib.selection import (
+    FSTEK,
+    IBKR,
+    ExactRelevance,
+    FixedFeatures,
+    JackknifeF,
+    NoSelection,
+    RandomSelection,
+    Selector,
+    rates,
+    triangle_alpha,
+)
+
+SELECTORS = [
+    FSTEK(alpha=triangle_alpha, max_seqs=20),
+    IBKR(alpha=0.01),
+    JackknifeF(null="box"),
+    ExactRelevance(k=1, tolerance=0.1),
+    RandomSelection(0.3, random_state=5),
+    FixedFeatures(["f"]),
+    NoSelection(),
+]
+
+
+def name_of(selector: Selector) -> str:
+    return type(selector).__name__
+
+
+@pytest.mark.parametrize("selector", SELECTORS, ids=name_of)
+def test_scikit_learn_conventions(selector: Selector) -> None:
+    solutions = planted(np.random.default_rng(0), 6)
+    copy = clone(selector)
+    assert type(copy) is type(selector)
+    assert copy.get_params() == selector.get_params()
+    assert copy.fit(solutions) is copy
+    assert copy.support_.shape == (2,)
+    assert copy.support_.dtype == bool
+    # Fitting does not touch parameters, and a clone of a fitted selector is not fitted.
+    assert copy.get_params() == selector.get_params()
+    assert not hasattr(clone(copy), "support_")
+    np.testing.assert_array_equal(copy.get_support(indices=True), np.flatnonzero(copy.support_))
+    np.testing.assert_array_equal(copy.get_support(), copy.support_)
+    rows = np.arange(6).reshape(3, 2)
+    np.testing.assert_array_equal(copy.transform(rows), rows[:, copy.support_])
+    kept = copy.get_feature_names_out().tolist()
+    assert sorted([*kept, *copy.removed_]) == ["f", "g"]
+    assert repr(copy).startswith(type(selector).__name__ + "(")
+
+
+def test_parameters_can_be_searched() -> None:
+    solutions = planted(np.random.default_rng(0), 6)
+    for options in ParameterGrid({"alpha": [0.01, 0.3], "null": ["t2", "box"]}):
+        fitted = JackknifeF().set_params(**options).fit(solutions)
+        assert fitted.get_params()["alpha"] == options["alpha"]
+
+
+def test_unknown_parameters_are_refused() -> None:
+    with pytest.raises(ValueError, match="IBKR has no parameter 'level'"):
+        IBKR().set_params(level=1)
+    with pytest.raises(ValueError, match="its parameters are none"):
+        NoSelection().set_params(level=1)
+
+
+def test_use_before_fit_and_wrong_tables_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"call fit\(solutions\) first"):
+        NoSelection().transform(np.zeros((1, 2)))
+    with pytest.raises(ValueError, match=r"shape \(1, 3\), but the selector was fitted to 2"):
+        NoSelection().fit(planted(np.random.default_rng(0), 1)).transform(np.zeros((1, 3)))
+
+
+@pytest.mark.parametrize("selector", SELECTORS, ids=name_of)
+def test_the_same_data_give_the_same_features(selector: Selector) -> None:
+    solutions = world(0, "weights", 7)
+    if isinstance(selector, FixedFeatures):
+        selector = FixedFeatures(["f1"])
+    first = clone(selector).fit(solutions)
+    again = clone(selector).fit(solutions).fit(solutions)
+    np.testing.assert_array_equal(first.support_, again.support_)
+    assert first.removed_ == again.removed_
+
+
+def test_the_order_of_tasks_does_not_matter_to_exact_methods() -> None:
+    for seed in range(30):
+        solutions = world(seed, "weights", 6, sizes=(2, 2, 2))
+        turned = solutions.take(np.random.default_rng(seed).permutation(6))
+        for selector in (FSTEK(alpha=1e-3), JackknifeF(), IBKR()):
+            kept = selector.fit(solutions).removed_
+            assert selector.fit(turned).removed_ == kept
+
+
+def test_fixed_and_no_selection() -> None:
+    solutions = planted(np.random.default_rng(0), 1)
+    assert NoSelection().fit(solutions).support_.all()
+    assert FixedFeatures(["g"]).fit(solutions).removed_ == ("f",)
+    # Keeping nothing makes the potential constant.
+    constant = FixedFeatures([]).fit(solutions)
+    assert constant.labels(solutions).tolist() == [0, 0, 0, 0]
+    with pytest.raises(ValueError, match="no feature 'h'"):
+        FixedFeatures(["h"]).fit(solutions)
+
+
+def test_random_selection_keeps_each_feature_with_its_probability() -> None:
+    solutions = world(0, "shared")
+    rng = np.random.default_rng(0)
+    kept = np.array([RandomSelection(0.3, rng).fit(solutions).support_ for _ in range(1000)])
+    for feature in range(2):
+        assert binomtest(int(kept[:, feature].sum()), 1000, 0.3).pvalue > 1e-3
+    both = int(kept.all(axis=1).sum())
+    assert binomtest(both, 1000, 0.09).pvalue > 1e-3
+    with pytest.raises(ValueError, match=r"probability is 1\.5"):
+        RandomSelection(1.5).fit(solutions)
+
+
+# Exact selection, and the statements of the text about the domains.
+
+
+def test_triangle_features() -> None:
+    domain = solved(triangle)
+    # "The triangle domain contains one domain-irrelevant feature, namely the state number."
+    assert ExactRelevance().fit(domain).removed_ == ("x1",)
+    # "To describe an optimal policy for each task, only position ... is needed", and colour
+    # is constant within a task; distance is a function of position and task.
+    assert set(ExactRelevance(k=1).fit(domain).removed_) == {"x2", "x3"}
+
+
+@pytest.mark.parametrize("g", [1, 2, 3])
+def test_stock_features(g: int) -> None:
+    domain = solved(stock, 1, 2, g)
+    globals_ = {f"g{i}" for i in range(1, g + 1)}
+    # "Stock ownership is completely irrelevant, while the stock features and action are
+    # domain relevant"; the globals are "strongly task relevant ... but domain irrelevant".
+    assert set(ExactRelevance().fit(domain).removed_) == {"s1"} | globals_
+    assert ExactRelevance(k=1).fit(domain).removed_ == ("s1",)
+    rho = {name: k_relevance(domain, remove(domain, [name]), 1) for name in domain.feature_names}
+    assert min(rho[name] for name in globals_) > max(rho["s1e1"], rho["s1e2"])
+
+
+def test_exact_selection_between_one_task_and_infinitely_many() -> None:
+    solutions = planted(np.random.default_rng(0), 50, effect=2.0)
+    D = np.full(50, 1 / 50)
+    share = {}
+    for k in (1, 10, np.inf):
+        full = (
+            domain_relevance(solutions, [0] * 4)
+            if np.isinf(k)
+            else k_relevance(solutions, [0] * 4, int(k))
+        )
+        left = (
+            domain_relevance(solutions, remove(solutions, ["g"]))
+            if np.isinf(k)
+            else k_relevance(solutions, remove(solutions, ["g"]), int(k))
+        )
+        share[k] = left / full
+        for tolerance in (share[k] * 0.99, share[k] * 1.01):
+            selector = ExactRelevance(k, float(tolerance), D).fit(solutions)
+            assert ("g" in selector.removed_) == (tolerance > share[k])
+    assert share[1] > share[10] > share[np.inf]
+
+
+def test_distribution_decides_what_is_relevant() -> None:
+    q = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    solutions = Solutions(q, np.full((2, 2), 0.5), np.array([[0], [1]]), ("x",))
+    assert ExactRelevance().fit(solutions).removed_ == ("x",)
+    assert ExactRelevance(distribution=[0.7, 0.3]).fit(solutions).removed_ == ()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"k": 0}, "at least 1"),
+        ({"k": 1.5}, "integers"),
+        ({"tolerance": -0.1}, "tolerance is -0.1"),
+        ({"distribution": [1.0]}, "each of the 3 tasks"),
+    ],
+)
+def test_bad_exact_parameters_are_refused(options: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        ExactRelevance(**options).fit(planted(np.random.default_rng(0), 3))
+
+
+# ROC.
+
+
+def test_rates_by_hand() -> None:
+    truth = [True, True, False]
+    assert rates([True, False, True], truth) == (1.0, 0.5)
+    runs = [[True, True, False], [True, False, True], [True, True, True]]
+    assert rates(runs, truth) == pytest.approx((2 / 3, 5 / 6))
+    assert np.isnan(rates([True], [True])[0])
+    assert np.isnan(rates([True], [False])[1])
+    with pytest.raises(ValueError, match=r"truth \(3,\)"):
+        rates([True, False], truth)

@@ -1,0 +1,42 @@
+r"""Feature selection with k-relevance (chapter 4, sections 4.2 and 4.3)."""
+
+from thesis_lib.selection.base import BackwardElimination, Check, Round, Selector
+from thesis_lib.selection.baselines import (
+    ExactRelevance,
+    FixedFeatures,
+    NoSelection,
+    RandomSelection,
+)
+from thesis_lib.selection.fitting import (
+    ExponentialFit,
+    fit_exponential,
+    fit_inverse,
+    fstek_threshold,
+    triangle_alpha,
+)
+from thesis_lib.selection.fstek import FSTEK, IBKR, bkr, fr
+from thesis_lib.selection.jackknife import JackknifeF, f_threshold
+from thesis_lib.selection.roc import rates
+
+__all__ = [
+    "FSTEK",
+    "IBKR",
+    "BackwardElimination",
+    "Check",
+    "ExactRelevance",
+    "ExponentialFit",
+    "FixedFeatures",
+    "JackknifeF",
+    "NoSelection",
+    "RandomSelection",
+    "Round",
+    "Selector",
+    "bkr",
+    "f_threshold",
+    "fit_exponential",
+    "fit_inverse",
+    "fr",
+    "fstek_threshold",
+    "rates",
+    "triangle_alpha",
+]
