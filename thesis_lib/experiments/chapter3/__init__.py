@@ -11,6 +11,7 @@ from thesis_lib.experiments.chapter3.continuing_cliff import (
     HUDDLE,
     SARSA_SOLUTION,
 )
+from thesis_lib.experiments.chapter3.q_mu_row import Q_MU_ROW
 from thesis_lib.experiments.chapter3.section_3_3 import LEVELS, MU_STAR, WEIGHTINGS_COMPARED
 from thesis_lib.experiments.chapter3.sweeps import FIGURE_3_3, FIGURE_3_4
 from thesis_lib.experiments.chapter3.table_3_1 import TABLE_3_1, TABLE_3_1_FIT
@@ -23,6 +24,7 @@ EXPERIMENTS: tuple[Experiment[Any], ...] = (
     WEIGHTINGS_COMPARED,
     TABLE_3_1,
     TABLE_3_1_FIT,
+    Q_MU_ROW,
     ALPHA,
     LEARNERS,
     FIGURE_3_1,
