@@ -35,7 +35,7 @@ def fact_1_values(tables: Tables) -> Finding:
     return _proved(
         bool((gap < EXACT).all()),
         f"Over {table.discount.nunique()} discounts the solved values differ from the formulas by "
-        f"at most {gap.max():.0e} of them.",
+        f"at most {gap.max():.1g} of them.",
     )
 
 
@@ -147,8 +147,8 @@ def state_2_turns(tables: Tables) -> Finding:
     vanishes = (np.diff(weight) < 0).all() and weight[-1] < EXACT
     return _proved(
         bool(abs(at - 0.95) <= AROUND and vanishes),
-        f"V(2) turns positive at p(B) = {at:.3f} and ends at {value[-1, 1]:.3g}; d(m1|2) falls from "
-        f"{weight[0]:.2f} to {weight[-1]:.0f}.",
+        f"V(2) turns positive at p(B) = {at:.3f} and ends at {value[-1, 1]:.3g}; d(m1|2) falls "
+        f"from {weight[0]:.2f} to {weight[-1]:.0f}.",
     )
 
 
@@ -302,7 +302,7 @@ def other_weights(tables: Tables) -> str:
     return (
         f"With the stationary distribution as p(s|m) the conflict remains in {both.sum()} of "
         f"{len(both)} combinations of domain and discount; values change by at most "
-        + ", ".join(f"{g:.2g} with task 2{s}" for s, g in gap.items())
+        + ", ".join(f"{g if g > EXACT else 0:.2g} with task 2{s}" for s, g in gap.items())
         + "."
     )
 
