@@ -14,6 +14,7 @@ episodes that *finish* first instead would prefer short ones.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -219,6 +220,7 @@ def run_episodes(
     generator: np.random.Generator | None = None,
     *,
     max_steps: int | None = None,
+    watch: Callable[[BoolArray], None] | None = None,
 ) -> Rollouts:
     """Run one episode in every world; episode i of the result is that of world i.
 
@@ -232,9 +234,13 @@ def run_episodes(
         Source of the exploration noise; None acts greedily, by the mean.
     max_steps
         Steps after which episodes are cut, for tasks that have no limit of their own.
+    watch
+        Called before every step with the worlds whose episode goes on, shape ``(n,)``.
     """
     recorder = _Recorder(task, policy, generator)
     while recorder.running.any() and (max_steps is None or recorder.n_passes < max_steps):
+        if watch is not None:
+            watch(recorder.running.copy())
         recorder.step()
     recorder.cut()
     return recorder.rollouts(task.n_worlds)

@@ -1,0 +1,136 @@
+"""Tests of trained policies."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+from PIL import Image
+
+from thesis_lib.experiments.evaluation import (
+    EvaluateConfig,
+    evaluate,
+    evaluation_task,
+    film,
+    parse_perturbation,
+    positions,
+)
+from thesis_lib.experiments.training import TrainConfig, Training, train
+from thesis_lib.locomotion.perturbations import MassChange, TerrainSwitch, WhiteNoise
+from thesis_lib.locomotion.rendering import NoGL, choose_backend
+
+torch.set_num_threads(1)
+SHORT = EvaluateConfig(runs=3, steps=60)
+
+
+@pytest.fixture(scope="module")
+def cheetah(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("cheetah")
+    config = TrainConfig(
+        task="HalfCheetah", architecture="gru", iterations=2, batch_steps=400, horizon=100
+    )
+    train(config, folder)
+    return folder
+
+
+def test_a_row_for_every_run(cheetah: Path) -> None:
+    table = evaluate(cheetah, SHORT)
+    assert list(table.columns) == ["run", "return", "length", "terminated"]
+    assert table.length.tolist() == [60, 60, 60]
+    assert not table.terminated.any()
+    assert table["return"].nunique() == 3
+    again = evaluate(Training.load(cheetah), SHORT)
+    pd.testing.assert_frame_equal(again, table)
+
+
+def test_returns_are_those_of_the_greedy_policy(cheetah: Path) -> None:
+    run = Training.load(cheetah)
+    task = evaluation_task(run, SHORT)
+    observation = task.reset()
+    state, action = run.policy.initial_state(3), torch.zeros(3, 6)
+    total = np.zeros(3)
+    for _ in range(60):
+        with torch.no_grad():
+            action, state = run.policy.step(torch.from_numpy(observation), action, state)
+        step = task.step(action.double().numpy())
+        observation, total = step.observation, total + step.reward
+    np.testing.assert_allclose(evaluate(run, SHORT)["return"], total, rtol=1e-9)
+
+
+def test_perturbations_change_the_return(cheetah: Path) -> None:
+    base = evaluate(cheetah, SHORT)["return"]
+    late = EvaluateConfig(runs=3, steps=60, perturbations=("WhiteNoise(onset=60)",))
+    assert evaluate(cheetah, late)["return"].equals(base)
+    for text in ("WhiteNoise(onset=20)", "MassChange(factor=2.0, onset=0)"):
+        config = EvaluateConfig(runs=3, steps=60, perturbations=(text,))
+        assert (evaluate(cheetah, config)["return"] != base).all()
+    extra = evaluate(cheetah, SHORT, extra=[WhiteNoise(onset=20)])
+    same = EvaluateConfig(runs=3, steps=60, perturbations=("WhiteNoise(onset=20)",))
+    assert extra.equals(evaluate(cheetah, same))
+    hills = evaluate(cheetah, EvaluateConfig(runs=3, steps=60, terrain="hill"))
+    assert len(hills) == 3
+
+
+def test_a_stochastic_policy_can_be_tested_too(cheetah: Path) -> None:
+    noisy = EvaluateConfig(runs=3, steps=60, greedy=False)
+    assert (evaluate(cheetah, noisy)["return"] != evaluate(cheetah, SHORT)["return"]).all()
+    assert evaluate(cheetah, noisy).equals(evaluate(cheetah, noisy))
+
+
+def test_text_becomes_a_perturbation() -> None:
+    assert parse_perturbation("WhiteNoise") == WhiteNoise()
+    assert parse_perturbation(" WhiteNoise(sigma=0.5, onset=7) ") == WhiteNoise(0.5, 7)
+    assert parse_perturbation("TerrainSwitch(difficulty=0.5)") == TerrainSwitch(0.5)
+    assert parse_perturbation("MassChange(factor=1.5)") == MassChange(1.5)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("Earthquake", "perturbation 'Earthquake' does not exist: choose one of ActionDelay"),
+        ("WhiteNoise(0.5)", "write a name with its fields as keywords"),
+        ("WhiteNoise(sigma=)", "write a name with its fields as keywords"),
+        ("WhiteNoise(sigma=open('x'))", "write a name with its fields as keywords"),
+        ("WhiteNoise(power=2)", "WhiteNoise has no field 'power': its fields are"),
+        ("ActionDelay(steps=-1)", "steps is -1"),
+        ("ActuatorFailure", "is incomplete"),
+    ],
+)
+def test_text_that_is_no_perturbation(text: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        parse_perturbation(text)
+
+
+def test_a_film(cheetah: Path, tmp_path: Path) -> None:
+    config = EvaluateConfig(runs=2, steps=20)
+    try:
+        choose_backend()
+    except NoGL:  # a machine that cannot draw must say so
+        with pytest.raises(NoGL, match="apt-get install"):
+            film(cheetah, tmp_path / "run.webp", config)
+        return
+    path = film(cheetah, tmp_path / "run.webp", config, run=1, width=96, height=64)
+    with Image.open(path) as picture:
+        # 20 steps of 0.01 s, of which every 4th is shown
+        assert (picture.n_frames, picture.size) == (5, (96, 64))
+
+
+def test_positions_are_those_before_every_step(cheetah: Path) -> None:
+    run = Training.load(cheetah)
+    states = positions(evaluation_task(run, SHORT), run.policy, world=2)
+    task = evaluation_task(run, SHORT)
+    task.reset()
+    assert states.shape == (60, 9)
+    np.testing.assert_array_equal(states[0], task.qpos[2])
+
+
+def test_bad_arguments(cheetah: Path, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="runs is 0"):
+        EvaluateConfig(runs=0)
+    with pytest.raises(ValueError, match="choose one of flat, hill"):
+        EvaluateConfig(terrain="stairs")
+    with pytest.raises(ValueError, match=r"cannot be written as '\.mov'"):
+        film(cheetah, tmp_path / "run.mov")
+    with pytest.raises(ValueError, match="the runs are 0 to 2"):
+        film(cheetah, tmp_path / "run.gif", SHORT, run=3)

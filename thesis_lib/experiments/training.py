@@ -1,0 +1,616 @@
+r"""Train one policy on one task: the runs of section 5.4.
+
+A run is a :class:`TrainConfig`.  Its iteration i draws everything random from the seed and
+i alone, so that a run that was killed goes on from its last checkpoint to the same numbers
+it would have reached without.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import torch
+
+from thesis_lib.experiments.base import check_seed, environment, replacing, writable_directory
+from thesis_lib.locomotion import BatchTask, make_task
+from thesis_lib.locomotion.perturbations import occlusion
+from thesis_lib.locomotion.robots import ROBOTS
+from thesis_lib.locomotion.terrain import hill_maps
+from thesis_lib.optimisation import (
+    PPO,
+    TRPO,
+    VPG,
+    Learner,
+    NaturalPG,
+    Rollouts,
+    UpdateReport,
+    collect,
+)
+from thesis_lib.optimisation.problem import Algorithm
+from thesis_lib.policies import ARCHITECTURES, GaussianPolicy, make_policy
+from thesis_lib.published import load as published
+
+FORMAT = 1
+"""Version of the checkpoints this library writes and reads."""
+
+TERRAINS = ("flat", "hill")
+ALGORITHMS = ("trpo", "vpg", "natural", "ppo")
+FEATURES = ("thesis", "full")
+PRECISIONS: Mapping[str, torch.dtype] = {"float32": torch.float32, "float64": torch.float64}
+
+OUR_DELTA = 0.05
+"""Step size of the nets table 5.1 leaves out: it refers to Duan et al., whose numbers for these
+tasks we do not have.  This is the one value their group is known to have used."""
+
+TASK_NAMES: Mapping[str, str] = {
+    "swimmer": "Swimmer",
+    "hopper": "Hopper",
+    "halfcheetah": "HalfCheetah",
+    "walker": "Walker2d",
+    "walker2d": "Walker2d",
+    "ant": "Ant",
+}
+"""Names under which a task is found; case, ``-`` and ``_`` do not matter."""
+
+_PUBLISHED_TASKS = {
+    "Swimmer": "swimmer",
+    "Hopper": "hopper",
+    "HalfCheetah": "half_cheetah",
+    "Walker2d": "walker",
+    "Ant": "ant",
+}
+_MAY_CHANGE = ("iterations", "checkpoint_every", "threads")
+_KEYS = {"task": 0, "noise": 1, "terrain": 2}
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """One training run; defaults from table 5.1, section 5.4 and the author's code."""
+
+    task: str = "Hopper"
+    """Swimmer, Hopper, HalfCheetah, Walker2d or Ant."""
+    terrain: str = "flat"
+    """flat, or hill: one map, drawn from the seed."""
+    architecture: str = "dtrnn"
+    """ffwd, dffwd, dtrnn, ctrnn, gru, lstm, esn, dffwd-softplus or ffwd-400."""
+    seed: int = 0
+    """All randomness comes from it."""
+    iterations: int = 500
+    """Iterations of the learning algorithm (tables average the first 500)."""
+    batch_steps: int = 50_000
+    """Steps of an iteration: whole episodes of at least this many together (Duan et al.)."""
+    horizon: int = 500
+    """Steps of an episode (Duan et al.)."""
+    algorithm: str = "trpo"
+    """trpo, vpg, natural or ppo."""
+    delta_kl: float | None = None
+    """Bound on the divergence in nats; default table 5.1, 0.05 where it has no entry."""
+    learning_rate: float | None = None
+    """Of vpg and ppo; default 0.01 and 0.0003."""
+    discount: float = 0.99
+    """gamma (Duan et al.)."""
+    trace: float = 1.0
+    """lambda of the advantage estimate; 1 is equation 2.12."""
+    bootstrap: bool = False
+    """Credit episodes cut at the horizon with the baseline; the author does not."""
+    cg_iterations: int = 10
+    """Conjugate-gradient steps."""
+    damping: float = 1e-5
+    """Added to the diagonal of the Fisher matrix."""
+    kl_direction: str = "old_new"
+    """old_new (the author's code) or new_old (equation 2.14)."""
+    features: str = "thesis"
+    """thesis: recurrent nets see the subset of table 5.1 on Hopper and Swimmer; or full."""
+    difficulty: float = 0.5
+    """Height of the hills in metres."""
+    maps: int = 1
+    """Number of hill maps the worlds share out; the author trained on one."""
+    reading: str = "code"
+    """code, text or duan: whose rewards and observations (see make_task)."""
+    alive_bonus: float | None = None
+    """Replaces the task's bonus for staying alive."""
+    units: int | None = None
+    """Hidden units of nets with one hidden layer; default section 5.4."""
+    previous_action: bool | None = None
+    """Whether the net sees its last action; default recurrent nets do."""
+    integrator: str = "heun"
+    """Of the CTRNN: heun (the author's "midpoint"), euler or midpoint."""
+    time_constant: float = 1.0
+    """Initial time constants of the CTRNN in seconds."""
+    constraint: str = "clamp"
+    """How the CTRNN's time constants stay above the step: clamp, softplus, exponential."""
+    spectral_radius: float | None = None
+    """Of the ESN; default table 5.1."""
+    density: float | None = None
+    """Of the ESN's recurrent weights; default table 5.1."""
+    leak: float = 0.5
+    """Of the ESN."""
+    initial_log_std: float = 0.0
+    """Start of the log standard deviation of the actions."""
+    worlds: int | None = None
+    """Worlds simulated side by side; default one for each episode of a full batch."""
+    precision: str = "float32"
+    """float32 or float64 networks; physics, returns and baseline are always float64."""
+    threads: int = 1
+    """Threads of the physics; the result does not depend on it."""
+    checkpoint_every: int = 10
+    """Iterations between checkpoints."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "task", task_name(self.task))
+        check_seed(self.seed)
+        for name, allowed in (
+            ("terrain", TERRAINS),
+            ("architecture", tuple(ARCHITECTURES)),
+            ("algorithm", ALGORITHMS),
+            ("features", FEATURES),
+            ("precision", tuple(PRECISIONS)),
+        ):
+            value = getattr(self, name)
+            if value not in allowed:
+                raise ValueError(
+                    f"{name} {value!r} does not exist: choose one of {', '.join(allowed)}."
+                )
+        for name in ("iterations", "batch_steps", "horizon", "maps", "checkpoint_every"):
+            value = getattr(self, name)
+            if value < 1:
+                raise ValueError(f"{name} is {value}, but it must be at least 1.")
+        if self.worlds is not None and self.worlds < 1:
+            raise ValueError(f"worlds is {self.worlds}, but at least 1 world is needed.")
+        for name in ("delta_kl", "learning_rate"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{name} is {value}, but it must be positive.")
+
+
+def task_name(name: str) -> str:
+    """The robot's name for a task named in any spelling.
+
+    Raises
+    ------
+    ValueError
+        Naming the tasks there are.
+    """
+    plain = name.replace("_", "").replace("-", "").lower()
+    if plain not in TASK_NAMES:
+        raise ValueError(f"task {name!r} does not exist: choose one of {', '.join(ROBOTS)}.")
+    return TASK_NAMES[plain]
+
+
+def table_5_1(task: str, architecture: str, quantity: str) -> float | None:
+    """A setting that table 5.1 or its caption prints, None where it prints none.
+
+    Parameters
+    ----------
+    task
+        Name of the robot.
+    architecture
+        Name of the net.
+    quantity
+        ``delta_kl``, ``spectral_radius`` or ``weight_density``.
+    """
+    table = published("table-5.1")
+    chosen = table[
+        (table.task == _PUBLISHED_TASKS[task])
+        & (table.architecture == architecture.upper())
+        & (table.quantity == quantity)
+    ]
+    return None if chosen.empty else float(chosen.value.iloc[0])
+
+
+def step_size(config: TrainConfig) -> float:
+    """The bound on the divergence of a run: asked for, printed in table 5.1, or 0.05."""
+    if config.delta_kl is not None:
+        return config.delta_kl
+    printed = table_5_1(config.task, config.architecture, "delta_kl")
+    return OUR_DELTA if printed is None else printed
+
+
+def make_batch_task(config: TrainConfig) -> BatchTask:
+    """The task of a run, in its worlds."""
+    task = make_task(config.task, reading=config.reading, alive_bonus=config.alive_bonus)  # type: ignore[arg-type]
+    n_worlds = config.worlds
+    if n_worlds is None:
+        n_worlds = max(1, min(100, config.batch_steps // config.horizon))
+    terrain = None
+    if config.terrain == "hill":
+        seed = np.random.SeedSequence(config.seed, spawn_key=(_KEYS["terrain"],))
+        maps = hill_maps(config.maps, config.difficulty, seed, robot=config.task)
+        terrain = [maps[i % len(maps)] for i in range(n_worlds)]
+    return BatchTask(
+        task,
+        n_worlds,
+        threads=config.threads,
+        seed=config.seed,
+        terrain=terrain,
+        max_episode_steps=config.horizon,
+    )
+
+
+def make_run_policy(config: TrainConfig, task: BatchTask) -> GaussianPolicy:
+    """The policy of a run before training."""
+    options: dict[str, Any] = {"initial_log_std": config.initial_log_std}
+    if config.previous_action is not None:
+        options["previous_action"] = config.previous_action
+    if config.architecture == "ctrnn":
+        options |= {
+            "integrator": config.integrator,
+            "time_constant": config.time_constant,
+            "constraint": config.constraint,
+        }
+    if config.architecture == "esn":
+        options["leak"] = config.leak
+        for name, printed in (
+            ("spectral_radius", "spectral_radius"),
+            ("density", "weight_density"),
+        ):
+            asked = getattr(config, name)
+            options[name] = table_5_1(config.task, "esn", printed) if asked is None else asked
+    features = None
+    subset = occlusion(config.task)
+    recurrent = config.architecture in ("dtrnn", "ctrnn", "gru", "lstm", "esn")
+    if config.features == "thesis" and recurrent and subset is not None:
+        features = [int(i) for i in subset.keep]
+    return make_policy(
+        config.architecture,
+        task.observation_size,
+        task.action_size,
+        dt=task.task.robot.control_dt,
+        seed=config.seed,
+        units=config.units,
+        features=features,
+        dtype=PRECISIONS[config.precision],
+        **options,
+    )
+
+
+def make_algorithm(config: TrainConfig) -> Algorithm:
+    """The rule a run learns by."""
+    if config.algorithm == "vpg":
+        return VPG(learning_rate=config.learning_rate or 0.01)
+    if config.algorithm == "ppo":
+        return PPO(learning_rate=config.learning_rate or 3e-4, seed=config.seed)
+    if config.algorithm == "natural":
+        return NaturalPG(
+            delta=step_size(config),
+            cg_iterations=config.cg_iterations,
+            damping=config.damping,
+        )
+    return TRPO(
+        delta=step_size(config),
+        cg_iterations=config.cg_iterations,
+        damping=config.damping,
+        kl_direction=config.kl_direction,
+    )
+
+
+CURVE_COLUMNS: Mapping[str, str] = {
+    "iteration": "iteration of the learning algorithm, from 1",
+    "steps": "control steps learned from so far",
+    "mean_return": "mean undiscounted return of the batch's episodes, under the stochastic policy",
+    "std_return": "standard deviation of those returns",
+    "min_return": "smallest of those returns",
+    "max_return": "largest of those returns",
+    "episodes": "episodes of the batch",
+    "mean_length": "mean length of an episode in steps",
+    "kl": "mean divergence between the old and the new policy, nats",
+    "entropy": "entropy of the new policy, nats",
+    "surrogate": "gain in the surrogate of equation 2.14",
+    "step_norm": "norm of the change of the parameters",
+    "accepted": "whether the policy moved",
+    "backtracks": "times the line search shortened the step",
+    "residual": "relative residual of conjugate gradient",
+    "simulated": "control steps simulated for the batch, those thrown away included",
+    "sampling_seconds": "processor seconds spent on collecting the batch",
+    "update_seconds": "processor seconds spent on learning from it",
+    "wall_seconds": "wall-clock seconds of the iteration",
+}
+"""Meaning and unit of each column of a learning curve."""
+
+TIMING_COLUMNS = ("sampling_seconds", "update_seconds", "wall_seconds")
+"""Columns that differ between two runs of the same config."""
+
+
+class TrainingStopped(RuntimeError):  # noqa: N818 - it names what happened to the run
+    """A number that is not finite ended a run; the message has the iteration and the cause."""
+
+
+class Training:
+    """A training run in progress.
+
+    Parameters
+    ----------
+    config
+        The run.
+
+    Attributes
+    ----------
+    policy
+        The policy as it is now.
+    iteration
+        Iterations done.
+    """
+
+    def __init__(self, config: TrainConfig) -> None:
+        self.config = config
+        self.task = make_batch_task(config)
+        self.policy = make_run_policy(config, self.task)
+        self.learner = Learner(
+            self.policy,
+            make_algorithm(config),
+            discount=config.discount,
+            trace=config.trace,
+            bootstrap=config.bootstrap,
+        )
+        self.iteration = 0
+        self.rows: list[dict[str, Any]] = []
+
+    @property
+    def curve(self) -> pd.DataFrame:
+        """One row an iteration; columns in :data:`CURVE_COLUMNS`."""
+        return pd.DataFrame(self.rows, columns=list(CURVE_COLUMNS))
+
+    def _seed(self, use: str) -> np.random.SeedSequence:
+        """Seed of one use in the coming iteration."""
+        return np.random.SeedSequence(self.config.seed, spawn_key=(_KEYS[use], self.iteration))
+
+    def step(self) -> dict[str, Any]:
+        """Collect a batch, learn from it and return the iteration's row of the curve.
+
+        Raises
+        ------
+        TrainingStopped
+            When a number is not finite.  The policy may be spoilt then.
+        """
+        wall, start = time.perf_counter(), time.process_time()
+        try:
+            self.task.reseed(self._seed("task"))
+            generator = np.random.default_rng(self._seed("noise"))
+            rollouts = collect(self.task, self.policy, self.config.batch_steps, generator)
+            sampled = time.process_time()
+            report = self.learner.improve(rollouts)
+        except (FloatingPointError, np.linalg.LinAlgError) as error:
+            raise TrainingStopped(
+                f"training stopped in iteration {self.iteration + 1}: {error}"
+            ) from error
+        self.iteration += 1
+        row = self._row(rollouts, report) | {
+            "sampling_seconds": sampled - start,
+            "update_seconds": time.process_time() - sampled,
+            "wall_seconds": time.perf_counter() - wall,
+        }
+        self.rows.append(row)
+        return row
+
+    def _row(self, rollouts: Rollouts, report: UpdateReport) -> dict[str, Any]:
+        returns = rollouts.episode_returns
+        before = self.rows[-1]["steps"] if self.rows else 0
+        return {
+            "iteration": self.iteration,
+            "steps": before + rollouts.n_steps,
+            "mean_return": float(returns.mean()),
+            "std_return": float(returns.std()),
+            "min_return": float(returns.min()),
+            "max_return": float(returns.max()),
+            "episodes": rollouts.n_episodes,
+            "mean_length": float(rollouts.lengths.mean()),
+            "kl": report.kl,
+            "entropy": report.entropy,
+            "surrogate": report.surrogate,
+            "step_norm": report.step_norm,
+            "accepted": report.accepted,
+            "backtracks": report.backtracks,
+            "residual": report.residual,
+            "simulated": rollouts.n_simulated,
+        }
+
+    # ------------------------------------------------------------------- checkpoints
+    def save(self, directory: Path | str) -> Path:
+        """Write ``checkpoint.pt``, ``curve.csv`` and ``run.json``, each aside and renamed.
+
+        Returns
+        -------
+        Path
+            Of the checkpoint.
+        """
+        folder = writable_directory(directory)
+        baseline = self.learner.baseline.weights
+        algorithm = self.learner.algorithm
+        content = {
+            "format": FORMAT,
+            "config": dataclasses.asdict(self.config),
+            "iteration": self.iteration,
+            "policy": self.policy.state_dict(),
+            "baseline": None if baseline is None else torch.as_tensor(baseline),
+            "algorithm": algorithm.state_dict() if isinstance(algorithm, PPO) else None,
+            "rows": self.rows,
+        }
+        path = folder / "checkpoint.pt"
+        with replacing(folder / "curve.csv") as temporary:
+            self.curve.to_csv(temporary, index=False)
+        with replacing(folder / "run.json") as temporary:
+            record = {
+                "config": dataclasses.asdict(self.config),
+                "delta_kl": step_size(self.config),
+                "parameters": self.policy.n_trainable,
+                "iteration": self.iteration,
+                "columns": dict(CURVE_COLUMNS),
+                **environment(),
+            }
+            temporary.write_text(json.dumps(record, indent=1) + "\n")
+        with replacing(path) as temporary:
+            torch.save(content, temporary)
+        return path
+
+    @classmethod
+    def load(cls, path: Path | str, config: TrainConfig | None = None) -> Training:
+        """Take a run up where a checkpoint left it.
+
+        Parameters
+        ----------
+        path
+            A checkpoint, or the directory it is in.
+        config
+            The run that is asked for; it may ask for another number of iterations,
+            other checkpoints or other threads, and for nothing else.
+
+        Raises
+        ------
+        FileNotFoundError
+            When there is no checkpoint.
+        ValueError
+            When it cannot be read, has another format or belongs to another run.
+        """
+        content = read_checkpoint(path)
+        saved = TrainConfig(**content["config"])
+        if config is not None:
+            for field in dataclasses.fields(TrainConfig):
+                have, want = getattr(saved, field.name), getattr(config, field.name)
+                if have != want and field.name not in _MAY_CHANGE:
+                    raise ValueError(
+                        f"the checkpoint in {str(path)!r} was trained with {field.name} {have!r}, "
+                        f"not {want!r}: choose another directory for this run."
+                    )
+        run = cls(config or saved)
+        run.policy.load_state_dict(content["policy"])
+        if content["baseline"] is not None:
+            run.learner.baseline.weights = content["baseline"].numpy()
+        if isinstance(run.learner.algorithm, PPO):
+            run.learner.algorithm.load_state_dict(content["algorithm"])
+        run.iteration = content["iteration"]
+        run.rows = content["rows"]
+        return run
+
+
+def read_checkpoint(path: Path | str) -> dict[str, Any]:
+    """The content of a checkpoint file; see :meth:`Training.load`."""
+    file = Path(path)
+    file = file / "checkpoint.pt" if file.is_dir() else file
+    if not file.exists():
+        raise FileNotFoundError(
+            f"there is no checkpoint at {str(file)!r}: make one with `thesis train`."
+        )
+    try:
+        content = torch.load(file, weights_only=True)
+    except Exception as error:  # torch raises many kinds for a file that is not its own
+        raise ValueError(f"{str(file)!r} is not a checkpoint of `thesis train`.") from error
+    if not isinstance(content, dict) or "format" not in content:
+        raise ValueError(f"{str(file)!r} is not a checkpoint of `thesis train`.")
+    if content["format"] != FORMAT:
+        raise ValueError(
+            f"{str(file)!r} has checkpoint format {content['format']}, but this version of "
+            f"thesis_lib reads format {FORMAT}: train again, or use the version that wrote it."
+        )
+    return content
+
+
+def train(
+    config: TrainConfig,
+    directory: Path | str | None = None,
+    *,
+    resume: bool = True,
+    report: Callable[[Training], None] | None = None,
+) -> Training:
+    """Run a training to its last iteration.
+
+    Parameters
+    ----------
+    config
+        The run.
+    directory
+        Where its checkpoint and learning curve go; None keeps nothing.
+    resume
+        Whether to go on from a checkpoint in the directory.
+    report
+        Called after every iteration.
+
+    Returns
+    -------
+    Training
+        The finished run.
+
+    Raises
+    ------
+    TrainingStopped
+        When a number is not finite: the last good checkpoint stays as it is.
+    ValueError
+        When the directory holds another run.
+    """
+    folder = None if directory is None else writable_directory(directory)
+    has_checkpoint = folder is not None and (folder / "checkpoint.pt").exists()
+    if has_checkpoint and not resume:
+        raise ValueError(
+            f"{str(folder)!r} already holds a run: go on with it (resume), or choose another "
+            "directory."
+        )
+    run = Training.load(folder, config) if has_checkpoint and folder else Training(config)
+    if folder is not None and not has_checkpoint:
+        run.save(folder)
+    try:
+        while run.iteration < config.iterations:
+            run.step()
+            last = run.iteration == config.iterations
+            if folder is not None and (last or run.iteration % config.checkpoint_every == 0):
+                run.save(folder)
+            if report is not None:
+                report(run)
+    except TrainingStopped as error:
+        if folder is None:
+            raise
+        good = read_checkpoint(folder)["iteration"]
+        raise TrainingStopped(
+            f"{error} The last good checkpoint, of iteration {good}, is in {str(folder)!r}."
+        ) from error
+    return run
+
+
+class TerminalReport:
+    """Show a run's progress on a terminal, and nothing elsewhere.
+
+    Parameters
+    ----------
+    iterations
+        Of the whole run.
+    """
+
+    def __init__(self, iterations: int) -> None:
+        self.iterations = iterations
+        self._shown = sys.stderr.isatty()
+        self._start: tuple[float, int] | None = None
+
+    def __call__(self, run: Training) -> None:
+        """Overwrite the line with the run's last iteration."""
+        if not self._shown:
+            return
+        row = run.rows[-1]
+        if self._start is None:
+            self._start = (time.perf_counter() - row["wall_seconds"], run.iteration - 1)
+        spent = time.perf_counter() - self._start[0]
+        pace = spent / (run.iteration - self._start[1])
+        left = pace * (self.iterations - run.iteration)
+        speed = (row["steps"] - (run.rows[-2]["steps"] if len(run.rows) > 1 else 0)) / max(
+            row["wall_seconds"], 1e-9
+        )
+        line = (
+            f"iteration {run.iteration}/{self.iterations}  return {row['mean_return']:.1f}  "
+            f"KL {row['kl']:.3f}  entropy {row['entropy']:.2f}  {speed:,.0f} steps/s  "
+            f"{_clock(left)} left"
+        )
+        end = "\n" if run.iteration == self.iterations else ""
+        print(f"\r{line:<78}", end=end, file=sys.stderr, flush=True)
+
+
+def _clock(seconds: float) -> str:
+    minutes, seconds = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours:d}:{minutes:02d}:{int(seconds):02d}"
