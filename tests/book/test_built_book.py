@@ -218,7 +218,7 @@ CONTRAST = """
   const poor = [];
   for (const e of document.querySelectorAll(
       'article p, article li, article h1, article h2, article h3, article td, article th,'
-      + ' article a, .bd-sidebar-primary a, .bd-sidebar-secondary a')) {
+      + ' article .caption-text, article a, .bd-sidebar-primary a, .bd-sidebar-secondary a')) {
     if (!e.innerText || !e.innerText.trim() || !e.offsetParent) continue;
     const style = getComputedStyle(e);
     const [a, b] = [light(rgb(style.color)), light(behind(e))];

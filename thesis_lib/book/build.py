@@ -20,7 +20,7 @@ from thesis_lib.book.paths import Paths
 from thesis_lib.book.staging import fingerprint, stage
 from thesis_lib.experiments.base import check_budget, check_seed, replacing
 
-_STAMP = ".source"
+_STAMP = ".built.json"
 _COLLECTED = ".from-notebooks"
 
 
@@ -104,7 +104,8 @@ def collect_tables(runs: Mapping[str, Run], results: Path) -> None:
                 temporary.write_bytes(data)
     for name in before - set(tables):
         (results / name).unlink(missing_ok=True)
-    record.write_text(json.dumps(sorted(tables)) + "\n")
+    with replacing(record) as temporary:
+        temporary.write_text(json.dumps(sorted(tables)) + "\n")
 
 
 def _check_names(only: Sequence[str], tasks: Mapping[str, Task]) -> None:
@@ -146,10 +147,14 @@ def _shows(run: Run, task: Task) -> bool:
 
 def _render(paths: Paths, *, strict: bool, say: Callable[[str], None]) -> int:
     """Run Sphinx, unless the pages are those of the staged book already."""
-    stamp = paths.html / _STAMP
+    stamp, search = paths.html / _STAMP, paths.html / "searchindex.js"
     # The Sphinx extensions are part of what makes the pages.
     current = fingerprint(paths.source) + fingerprint(Path(__file__).parent, "*.py")
-    if strict and stamp.exists() and stamp.read_text() == current:
+    made = json.loads(stamp.read_text()) if stamp.exists() else {}
+    if not search.exists() or made.get("written") != search.stat().st_mtime_ns:
+        # Not ours, or not finished: a bare `jupyter-book build .` writes to the same place.
+        shutil.rmtree(paths.html, ignore_errors=True)
+    elif made["source"] == current:
         say("No page changed.")
         return 0
     stamp.unlink(missing_ok=True)
@@ -161,8 +166,9 @@ def _render(paths: Paths, *, strict: bool, say: Callable[[str], None]) -> int:
         shutil.rmtree(paths.doctrees, ignore_errors=True)
         say("The book was not built: see the warnings and errors above.")
         return 1
-    if strict:
-        stamp.write_text(current)
+    with replacing(stamp) as temporary:
+        made = {"source": current, "written": search.stat().st_mtime_ns}
+        temporary.write_text(json.dumps(made))
     return 0
 
 
