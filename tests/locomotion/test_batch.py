@@ -632,6 +632,32 @@ def test_mirror_image(name):
         assert step.reward[0] == pytest.approx(step.reward[1], abs=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("name", "cost", "alive"),
+    [
+        ("Hopper", 0.005, 0.1),
+        ("HalfCheetah", 0.05, 0.0),
+        ("Walker2d", 0.005, 0.0),
+        ("Ant", 0.005, 0.05),
+    ],
+)
+def test_reward_in_free_flight_by_hand(name, cost, alive):
+    """Thrown forward at 2 m/s, no motor can change the speed of the centre of mass."""
+    batch = BatchTask(make_task(name, termination="never"), 2, seed=0)
+    robot = batch.task.robot
+    qpos, qvel = np.array(robot.init_qpos), np.zeros(robot.nv)
+    qpos[robot.height_index] += 10.0
+    qvel[0] = 2.0
+    batch.set_state(qpos, qvel)
+    action = np.zeros((2, batch.action_size))
+    action[1] = 0.2
+    squared = 0.04 * batch.action_size
+    for _ in range(5):
+        reward = batch.step(action).reward
+        assert reward[0] == pytest.approx(2.0 + alive, abs=1e-9)
+        assert reward[1] == pytest.approx(2.0 + alive - cost * squared, abs=1e-2)
+
+
 @pytest.mark.parametrize("name", ["Hopper", "HalfCheetah", "Walker2d"])
 def test_planar_robots_stay_in_their_plane(name):
     batch = BatchTask(make_task(name, termination="never"), 2, terrain=None, seed=0)
