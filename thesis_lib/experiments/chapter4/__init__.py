@@ -1,5 +1,46 @@
-"""Experiments of chapter 4."""
+"""Experiments of chapter 4, Relevant Representations for Multi-Task RL."""
+
+from typing import Any
 
 from thesis_lib.experiments.base import Experiment
+from thesis_lib.experiments.chapter4.calibration import CALIBRATION, ROC
+from thesis_lib.experiments.chapter4.cost import COST
+from thesis_lib.experiments.chapter4.curves import FIGURE_4_1, FIGURE_4_2
+from thesis_lib.experiments.chapter4.readings import READINGS_COMPARED
+from thesis_lib.experiments.chapter4.selection_figures import (
+    EPISODIC,
+    FIGURE_4_3,
+    FIGURE_4_4,
+    FIGURE_4_5,
+    FIGURE_4_6,
+)
+from thesis_lib.experiments.chapter4.theorems import (
+    COROLLARY_1,
+    COUNTEREXAMPLES,
+    ESTIMATORS,
+    LEMMAS,
+    THEOREM_2,
+    THEOREM_3,
+)
+from thesis_lib.experiments.chapter4.threshold import THRESHOLD
 
-EXPERIMENTS: tuple[Experiment, ...] = ()
+EXPERIMENTS: tuple[Experiment[Any], ...] = (
+    FIGURE_4_1,
+    FIGURE_4_2,
+    THEOREM_2,
+    COUNTEREXAMPLES,
+    COROLLARY_1,
+    THEOREM_3,
+    LEMMAS,
+    ESTIMATORS,
+    COST,
+    THRESHOLD,
+    READINGS_COMPARED,
+    FIGURE_4_3,
+    FIGURE_4_4,
+    FIGURE_4_5,
+    EPISODIC,
+    FIGURE_4_6,
+    CALIBRATION,
+    ROC,
+)

@@ -1,0 +1,185 @@
+"""Domain families that neither the thesis nor our earlier work used, and random solutions.
+
+In the first two families irrelevance is exact by symmetry, not by small numbers: for every
+task the domain also holds its mirror images, and averaging over them removes the feature.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Literal, get_args
+
+import numpy as np
+
+from thesis_lib.domains import Domain
+from thesis_lib.mdp import TabularMDP
+from thesis_lib.relevance import Solutions
+
+Kind = Literal["shared", "subsets", "weights"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+"""How random tasks weight their pairs: one p(x|m) for all; uniform on random subsets of the
+pairs; any weights."""
+
+
+def random_solutions(
+    rng: np.random.Generator, kind: Kind, n_tasks: int, sizes: tuple[int, ...] = (2, 3)
+) -> Solutions:
+    """Random Q-functions of tasks over a small feature space.
+
+    Parameters
+    ----------
+    rng
+        Source of the numbers.
+    kind
+        The weights p(x|m).
+    n_tasks
+        M.
+    sizes
+        Number of values of each feature.
+    """
+    features = np.array(list(product(*map(range, sizes))))
+    n = len(features)
+    q = rng.normal(size=(n_tasks, n))
+    if kind == "shared":
+        p = np.broadcast_to(rng.dirichlet(np.ones(n)), q.shape)
+    elif kind == "weights":
+        p = rng.dirichlet(np.full(n, 0.5), n_tasks)
+    else:
+        present = np.zeros(q.shape, dtype=bool)
+        for row in present:
+            row[rng.choice(n, rng.integers(1, n + 1), replace=False)] = True
+        p = present / present.sum(axis=1, keepdims=True)
+        q = np.where(present, q, np.nan)
+    return Solutions(q, p, features, tuple(f"f{i}" for i in range(len(sizes))))
+
+
+def planted_solutions(
+    rng: np.random.Generator,
+    n_tasks: int,
+    effect: float,
+    *,
+    levels: int = 2,
+    shared: bool = True,
+) -> Solutions:
+    """Solutions in which ``f`` matters by ``effect`` on average and ``g`` not at all.
+
+    Both effects scatter between tasks with unit variance, Gaussian.
+
+    Parameters
+    ----------
+    rng
+        Source of the numbers.
+    n_tasks
+        n.
+    effect
+        Mean effect of f, in standard deviations of its scatter.
+    levels
+        Values of g; the more, the more directions its scatter has.
+    shared
+        One uniform p(x|m), or weights drawn for each task.
+    """
+    features = np.array(list(product(range(2), range(levels))))
+    f, g = features.T
+    q = (effect + rng.normal(size=n_tasks))[:, None] * (2 * f - 1.0)
+    q = q + rng.normal(size=(n_tasks, levels))[:, g]
+    n = len(features)
+    if shared:
+        p = np.broadcast_to(np.full(n, 1 / n), q.shape)
+    else:
+        p = rng.dirichlet(np.full(n, 3.0), n_tasks)
+    return Solutions(q, p, features, ("f", "g"))
+
+
+def random_domain(
+    seed: int, *, relevant: int = 2, irrelevant: int = 3, bases: int = 3, signal: float = 0.5
+) -> Domain:
+    """Random MDPs over binary features, some of them irrelevant across tasks.
+
+    A base task has random transitions and rewards.  Its images swap the two values of some
+    of the irrelevant features; the domain holds all of them, so the mean value function
+    does not depend on those features, although every task's own does.
+
+    Parameters
+    ----------
+    seed
+        Of the transitions and rewards.
+    relevant, irrelevant
+        Number of features of each kind, ``r1`` ... and ``i1`` ...
+    bases
+        Number of base tasks; the domain has ``bases * 2**irrelevant`` tasks.
+    signal
+        Size of the reward that all bases share, which depends on the relevant features and
+        the action; the rewards of a base's own have size 1.
+    """
+    rng = np.random.default_rng(seed)
+    bits = relevant + irrelevant
+    n, n_actions = 2**bits, 2
+    names = [*(f"r{i + 1}" for i in range(relevant)), *(f"i{i + 1}" for i in range(irrelevant))]
+    states = np.array(list(product(range(2), repeat=bits)))
+    features = {name: states[:, i] for i, name in enumerate(names)}
+    common = rng.normal(size=(2**relevant, n_actions))
+    number = states[:, :relevant] @ (2 ** np.arange(relevant)[::-1])
+    tasks = []
+    for _ in range(bases):
+        P = rng.dirichlet(np.full(n, 0.2), (n, n_actions))
+        R = signal * common[number] + rng.normal(size=(n, n_actions))
+        for mask in range(2**irrelevant):
+            image = np.arange(n) ^ mask
+            tasks.append(
+                TabularMDP(
+                    P[image][:, :, image],
+                    R[image],
+                    np.full(n, 1.0 / n),
+                    discount=0.9,
+                    features=features,
+                )
+            )
+    return Domain(f"random {relevant}+{irrelevant}", tuple(tasks))
+
+
+def torus(size: int = 4, mud: float = 3.0) -> Domain:
+    """A gridworld without edges, with position, direction to the goal, and a distractor.
+
+    The goal and one muddy cell may be anywhere, and a chessboard of two colours lies either
+    way.  Features: ``x``, ``y`` position; ``dx``, ``dy`` offset to the goal; ``colour`` of
+    the cell.  Position and colour matter in every task, for where the mud is, but the
+    domain is the same after a shift of the board, so across tasks they mean nothing.
+
+    Parameters
+    ----------
+    size
+        Cells on a side, even so that the chessboard closes.
+    mud
+        Extra cost of stepping on the muddy cell.
+    """
+    n = size * size
+    x, y = np.arange(n) % size, np.arange(n) // size
+    moves = [(0, 1), (1, 0), (0, -1), (-1, 0)]
+    to = np.stack([(x + i) % size + size * ((y + j) % size) for i, j in moves], axis=1)
+    walk = np.eye(n)[to]
+    tasks = []
+    for goal, dirt, colour in product(range(n), range(n), range(2)):
+        if goal == dirt:
+            continue
+        terminal = np.arange(n) == goal
+        features = {
+            "x": x,
+            "y": y,
+            "dx": (x[goal] - x) % size,
+            "dy": (y[goal] - y) % size,
+            "colour": (x + y + colour) % 2,
+        }
+        transition, reward = walk.copy(), -1.0 - mud * (to == dirt)
+        transition[goal], reward[goal] = np.eye(n)[goal], 0.0
+        start = np.where(terminal, 0.0, 1.0 / (n - 1))
+        tasks.append(
+            TabularMDP(
+                transition,
+                reward,
+                start,
+                terminal,
+                features=features,
+                actions=("N", "E", "S", "W"),
+            )
+        )
+    return Domain("torus", tuple(tasks))
