@@ -11,7 +11,8 @@ import pytest
 
 PAGE = Path(__file__).resolve().parents[2] / "book" / "notation.md"
 NAME = re.compile(r"`(thesis_lib[\w.]*)(?:\((\w+)\))?`")
-ROWS = [line for line in PAGE.read_text(encoding="utf-8").splitlines() if line.startswith("| $")]
+LINES = PAGE.read_text(encoding="utf-8").splitlines()
+ROWS = [r for r in LINES if r.startswith("| ") and not r.startswith(("| Symbol", "| :--"))]
 NAMES = sorted({match for row in ROWS for match in NAME.findall(row)})
 
 
