@@ -1,0 +1,120 @@
+"""Policy-gradient algorithms with two parameters, judged exactly."""
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+from scipy import stats
+
+from thesis_lib.experiments.chapter2.policy_search import (
+    EXPERIMENTS,
+    HORIZON,
+    NAMES,
+    SECTION_2_3_5_LANDSCAPE,
+    SECTION_2_3_5_LEARNING,
+    SECTION_2_3_5_STEPS,
+    CurvesConfig,
+    LandscapeConfig,
+    expected_divergence,
+    expected_return,
+    linear_policy,
+    parameters,
+)
+
+torch.set_num_threads(1)
+
+
+def simulate(gain: float, log_std: float, n: int = 200_000) -> tuple[np.ndarray, np.ndarray]:
+    """States ``(T, n)`` and returns of the linear policy, written out anew."""
+    rng = np.random.default_rng(0)
+    s, states, total = rng.normal(size=n), [], np.zeros(n)
+    for _ in range(HORIZON):
+        states.append(s)
+        a = gain * s + np.exp(log_std) * rng.normal(size=n)
+        total -= s**2 + 0.1 * a**2
+        s = 0.9 * s + 0.5 * a + 0.1 * rng.normal(size=n)
+    return np.array(states), total
+
+
+def test_exact_values_against_simulation() -> None:
+    old, new = (-0.5, -0.7), (-0.9, -0.4)
+    states, total = simulate(*old)
+    assert expected_return(*old) == pytest.approx(
+        total.mean(), abs=4 * total.std() / np.sqrt(len(total))
+    )
+    # D(N(m, s) || N(m', s')) in closed form, at every state visited
+    p, q = np.exp(old[1]), np.exp(new[1])
+    gap = (old[0] - new[0]) * states
+    kl = (np.log(q / p) + (p**2 + gap**2) / (2 * q**2) - 0.5).mean()
+    assert expected_divergence(old, new) == pytest.approx(kl, rel=0.01)
+    assert expected_divergence(old, old) == 0
+
+
+def test_divergence_of_one_state_by_quadrature() -> None:
+    # two policies with equal gains differ by their deviations alone, whatever the state
+    p, q = stats.norm(0, np.exp(-0.7)), stats.norm(0, np.exp(-0.4))
+    kl = p.expect(lambda x: p.logpdf(x) - q.logpdf(x))
+    assert expected_divergence((-0.5, -0.7), (-0.5, -0.4)) == pytest.approx(kl, rel=1e-7)
+
+
+def test_a_policy_has_two_parameters() -> None:
+    policy = linear_policy(-0.3, -1.0)
+    assert policy.n_trainable == 2
+    assert parameters(policy) == (-0.3, -1.0)
+
+
+@pytest.fixture(scope="module")
+def curves() -> pd.DataFrame:
+    config = CurvesConfig(iterations=10, runs=3)
+    return SECTION_2_3_5_LEARNING.run(config=config).table
+
+
+def test_trpo_keeps_its_bound_and_the_others_do_not(curves: pd.DataFrame) -> None:
+    kl = curves.groupby("algorithm").kl_sampled.max()
+    assert kl.trpo <= 0.05
+    # without a line search the quadratic approximation misses the bound
+    assert kl.natural_delta > 0.05
+    assert set(curves.algorithm) == set(NAMES)
+
+
+def test_all_of_them_learn_from_the_same_start(curves: pd.DataFrame) -> None:
+    first = curves[curves.iteration == 0]
+    assert (first.expected_return == expected_return(0.0, 0.0)).all()
+    last = curves[curves.iteration == 10].groupby("algorithm").expected_return.mean()
+    assert (last > 0.3 * expected_return(0.0, 0.0)).all()
+    assert (last < curves.best_return.max()).all()
+
+
+def test_threads_change_nothing() -> None:
+    config = CurvesConfig(iterations=2, runs=2, batch_steps=200)
+    tables = [SECTION_2_3_5_LEARNING.run(config=config, workers=w).table for w in (1, 2)]
+    pd.testing.assert_frame_equal(*tables)
+
+
+def test_steps_from_one_batch() -> None:
+    table = SECTION_2_3_5_STEPS.run("smoke").table
+    assert len(table) == 3 * 2 * len(NAMES)
+    for row in table.itertuples():
+        old, new = (row.gain, row.log_std), (row.new_gain, row.new_log_std)
+        assert row.kl_exact == pytest.approx(expected_divergence(old, new), rel=1e-9)
+        gained = expected_return(*new) - expected_return(*old)
+        assert row.gain_in_return == pytest.approx(gained, rel=1e-9)
+    trpo = table[table.algorithm == "trpo"]
+    assert (trpo.kl_sampled <= trpo.delta_kl).all()
+
+
+def test_the_landscape_holds_the_starts() -> None:
+    config = LandscapeConfig(gains=(-0.2, 0.0, 3), log_stds=(-1.5, 0.0, 4))
+    table = SECTION_2_3_5_LANDSCAPE.run(config=config).table
+    assert len(table) == 3 * 4 * 3
+    at_start = table[(table.gain == 0) & (table.log_std == 0) & (table.start == 0)]
+    assert at_start.kl.tolist() == [0.0]
+    assert (table.kl >= 0).all()
+
+
+def test_every_budget_has_its_config() -> None:
+    assert [e.id for e in EXPERIMENTS] == [
+        "section-2.3.5-learning",
+        "section-2.3.5-landscape",
+        "section-2.3.5-steps",
+    ]
