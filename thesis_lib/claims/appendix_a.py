@@ -171,9 +171,9 @@ def no_common_best(tables: Tables) -> Finding:
 
 
 CASES = (
-    ("a", "1", "tasks need not have the same states", "the tasks have different states"),
-    ("b", "2", "a task need not be ergodic", "task 2 is not ergodic"),
-    ("c", "3", "p(x|m) is uniform over the task's states", "both tasks are ergodic"),
+    ("a", "1", "tasks have different states", "the tasks have different states"),
+    ("b", "2", "a task is not ergodic", "task 2 is not ergodic"),
+    ("c", "3", "p(x|m) is uniform over the pairs of each task", "both tasks are ergodic"),
 )
 
 
@@ -181,8 +181,8 @@ def _case(second: str, number: str, words: str, setting: str) -> Claim:
     return Claim(
         id=f"A.2-case-{number}",
         section="Appendix A, fact 2",
-        statement=f"No stationary policy need maximise all states at once when {words} "
-        f"(case {number}).",
+        statement=f"Where {words}, there need be no stationary policy that maximises the value of "
+        f"every state (case {number}).",
         experiments=("figure-a.2",),
         criterion=f"On the domain of figure A.2 with task 2{second}, in which {setting}, "
         "raising p(B) raises the value of state 1 and lowers that of state 3, strictly, at every "
@@ -217,8 +217,8 @@ CLAIMS: tuple[Claim, ...] = (
     Claim(
         id="A.3-case-4",
         section="Appendix A, fact 2",
-        statement="No stationary policy need maximise all states at once when d(m|s) depends on "
-        "the policy (case 4).",
+        statement="Where d(m|s) depends on the policy, there need be no stationary policy that "
+        "maximises the value of every state (case 4).",
         experiments=("figure-a.3",),
         criterion="On the domain of figure A.3 no p(B) is best in all four states.",
         judge=no_common_best,
