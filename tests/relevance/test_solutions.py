@@ -6,8 +6,7 @@ import pytest
 from tests.relevance.worlds import KINDS, world
 from thesis_lib.domains import Domain, episodic_cliff
 from thesis_lib.mdp.model import TabularMDP
-from thesis_lib.relevance import Solutions, TaskTable, keep, remove
-from thesis_lib.relevance.cells import ground
+from thesis_lib.relevance import Solutions, TaskTable, ground, keep, partition, remove
 
 FEATURES = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
 NAMES = ("f", "g")
@@ -96,16 +95,23 @@ def test_labels_follow_large_and_negative_feature_values() -> None:
 def test_cells_of_features_dropped_one_by_one_are_those_of_the_subset() -> None:
     for seed, sizes in enumerate([(2, 3, 2), (2, 2, 4)]):
         solutions = world(seed, "weights", sizes=sizes)
-        # Half of the pairs only, so that not every combination of values occurs.
+        # The pairs in another order, and half of them, so that not all combinations occur.
+        order = np.random.default_rng(seed).permutation(solutions.n_pairs)
+        mixed = Solutions(
+            solutions.q[:, order],
+            solutions.p[:, order],
+            solutions.features[order],
+            solutions.feature_names,
+        )
         half = Solutions(
             solutions.q[:, ::2],
             solutions.p[:, ::2] / solutions.p[:, ::2].sum(axis=1, keepdims=True),
             solutions.features[::2],
             solutions.feature_names,
         )
-        for given in (solutions, half):
+        for given in (solutions, mixed, half):
             dropped = ground(given).drop(1).drop(0)
-            direct = ground(given).merge(keep(given, [2]))
+            direct = partition(given, keep(given, [2]))
             np.testing.assert_allclose(dropped.a, direct.a, atol=1e-12)
             np.testing.assert_allclose(dropped.b, direct.b, atol=1e-12)
             kept = ground(given).keep([2])
@@ -116,9 +122,9 @@ def test_cells_of_features_dropped_one_by_one_are_those_of_the_subset() -> None:
 
 def test_arrays_larger_than_one_pass_are_summed_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     solutions = world(3, "weights")
-    once = ground(solutions).merge(np.array([0, 1, 0, 2, 2, 1]))
+    once = partition(solutions, [0, 1, 0, 2, 2, 1])
     monkeypatch.setattr("thesis_lib.relevance.cells.SMALL", 0)
-    by_task = ground(solutions).merge(np.array([0, 1, 0, 2, 2, 1]))
+    by_task = partition(solutions, [0, 1, 0, 2, 2, 1])
     np.testing.assert_array_equal(once.a, by_task.a)
 
 

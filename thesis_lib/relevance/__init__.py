@@ -18,7 +18,12 @@ from thesis_lib.relevance.estimators import (
     leave_one_out,
     linear_covariance,
 )
-from thesis_lib.relevance.exact import domain_relevance, k_relevance, rate
+from thesis_lib.relevance.exact import (
+    domain_relevance,
+    feature_k_relevance,
+    k_relevance,
+    rate,
+)
 from thesis_lib.relevance.sequences import (
     brute_force_k_relevance,
     list_sequences,
@@ -41,6 +46,7 @@ __all__ = [
     "cross_task_q",
     "domain_relevance",
     "estimate",
+    "feature_k_relevance",
     "finite_domain",
     "forward_relevance",
     "ground",

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from math import prod
 
 import numpy as np
@@ -19,7 +20,7 @@ from numpy.typing import ArrayLike
 from thesis_lib.mdp.model import FloatArray, IntArray
 from thesis_lib.relevance.solutions import Solutions
 
-SMALL = 2**20
+SMALL = 2**14
 """Tables up to this size are summed in one call instead of one call a task."""
 
 
@@ -101,13 +102,18 @@ class FeatureCells(Cells):
         low, size = prod(self.sizes[at + 1 :]), self.sizes[at]
         features = self.features[:at] + self.features[at + 1 :]
         sizes = self.sizes[:at] + self.sizes[at + 1 :]
-        if self.n_cells == low * size * prod(self.sizes[:at]):
-            # Every combination of values occurs, so the table is a block to be added up.
+        if self._is_block:
             unique = np.arange(self.n_cells // size)
             a, b = _add_up(self.a, size, low), _add_up(self.b, size, low)
             return FeatureCells(a, b, features, unique, sizes)
         code = (self.code // (low * size)) * low + self.code % low
         return self._recode(code, features, sizes)
+
+    @cached_property
+    def _is_block(self) -> bool:
+        """Whether every combination of values occurs, in order, so that axes can be summed."""
+        complete = self.n_cells == prod(self.sizes)
+        return complete and bool((self.code == np.arange(self.n_cells)).all())
 
     def keep(self, features: Iterable[int]) -> FeatureCells:
         """Cells after removing all features but some.
@@ -145,9 +151,18 @@ def ground(solutions: Solutions) -> FeatureCells:
     ----------
     solutions
         M task solutions on N pairs.
+
+    Returns
+    -------
+    FeatureCells
+        In the order of the feature values, which need not be that of the pairs.
     """
     a, b = solutions.moments
     code, sizes = solutions.radix
+    if (code[1:] < code[:-1]).any():
+        # Sums over a feature then run along memory, whatever the order of the pairs.
+        order = np.argsort(code)
+        a, b, code = a[:, order], b[:, order], code[order]
     return FeatureCells(a, b, tuple(range(solutions.n_features)), code, sizes)
 
 
@@ -162,8 +177,7 @@ def partition(solutions: Solutions, labels: ArrayLike) -> Cells:
         Abstract pair of each pair, shape ``(N,)``: any integers, equal where pairs are
         merged.  See :func:`keep` and :func:`remove` for feature subsets.
     """
-    numbered = check_labels(labels, solutions.n_pairs)
-    return ground(solutions).merge(numbered)
+    return Cells(*solutions.moments).merge(check_labels(labels, solutions.n_pairs))
 
 
 def keep(solutions: Solutions, features: Iterable[str | int]) -> IntArray:

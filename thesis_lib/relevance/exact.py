@@ -37,10 +37,12 @@ k-subsets of :math:`A'^2 \prod e^{-t b_i}`, which a recursion over tasks gives f
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from functools import cache
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import gammaln
 
 from thesis_lib.mdp.checks import one_of
@@ -100,24 +102,51 @@ def k_relevance(
     -----
     Source: definition 5, equation 4.6; the formula is this edition's.
     """
-    one_of("direction", direction, ("backward", "forward"))
-    lengths = check_lengths(k, None if replacement else solutions.n_tasks)
-    if not replacement and distribution is not None:
-        raise ValueError(
-            "distribution was given with replacement=False, but combinations of different tasks "
-            "all weigh the same; leave it out."
-        )
-    D = check_distribution(distribution, solutions.n_tasks)
-    cells = partition(solutions, labels)
-    reference = ground(solutions) if direction == "backward" else cells.total()
-    if replacement:
-        difference = explained(reference, lengths, D) - explained(cells, lengths, D)
-    else:
-        difference = explained_combinations(reference, lengths) - explained_combinations(
-            cells, lengths
-        )
-    difference = difference if direction == "backward" else -difference
-    return difference.reshape(np.shape(k))
+    law = _Law(solutions, k, distribution, replacement, direction)
+    return law(partition(solutions, labels)).reshape(np.shape(k))
+
+
+def feature_k_relevance(
+    solutions: Solutions,
+    k: ArrayLike,
+    *,
+    removed: Iterable[str | int] = (),
+    distribution: ArrayLike | None = None,
+    replacement: bool = True,
+    direction: Direction = "backward",
+) -> FloatArray:
+    r"""Exact k-relevance of every feature, for all k at once.
+
+    Parameters
+    ----------
+    solutions
+        The M tasks of the domain, or the tasks observed so far.
+    k
+        Sequence lengths, shape ``(K,)``.
+    removed
+        Features R that are removed already, names or indices.
+    distribution, replacement
+        As for :func:`k_relevance`.
+    direction
+        ``"backward"``: relevance of removing R and the feature, as BKR computes
+        (algorithm 8).  ``"forward"``: what R and the feature explain without the others,
+        as FR computes (algorithm 9).
+
+    Returns
+    -------
+    FloatArray
+        Shape ``(F - |R|, K)``, features in order.  Curves of single features, as in
+        figure 4.1, are those for no ``removed``.
+    """
+    law = _Law(solutions, k, distribution, replacement, direction)
+    base = ground(solutions)
+    gone = solutions.mask(removed)
+    rest = np.flatnonzero(~gone).tolist()
+    if direction == "backward":
+        cells = base.keep(rest) if gone.any() else base
+        return np.array([law(cells.drop(i)) for i in rest])
+    already = np.flatnonzero(gone).tolist()
+    return np.array([law(base.keep([*already, i])) for i in rest])
 
 
 def domain_relevance(
@@ -192,17 +221,18 @@ def explained(cells: Cells, k: ArrayLike, distribution: FloatArray) -> FloatArra
         last, within = shared_law(cells, D)
         return last + within / lengths
     r = _ratio(cells, D)
-    out = np.full(len(lengths), limit(cells, D).sum())
+    out = np.full(len(lengths), (D @ cells.a) @ r)
     a = cells.a - r * cells.b
     b, binary, general = _classify(cells.b)
     if binary.any():
-        # Case 2; 1 - (1 - pi)^k without cancellation.
-        visits = np.minimum(D @ (cells.b[:, binary] > 0), 1.0)
-        spread = D @ a[:, binary] ** 2 / b[binary]
+        # Case 2; 1 - (1 - pi)^k without cancellation, and 1 where pi is 1.
+        visits = np.minimum(D @ (cells.b > 0), 1.0)
+        spread = np.divide(
+            D @ (a * a), b * visits, out=np.zeros_like(b), where=binary & (visits > 0)
+        )
         with np.errstate(divide="ignore"):
             met = -np.expm1(lengths[:, None] * np.log1p(-visits))
-        ratio = np.divide(spread, visits, out=np.zeros_like(spread), where=visits > 0)
-        out += met @ ratio / lengths
+        out += met @ spread / lengths
     for block in _blocks(general, len(D)):
         out += _integral(a[:, block], cells.b[:, block], lengths, D)
     return out
@@ -232,16 +262,20 @@ def explained_combinations(cells: Cells, k: ArrayLike) -> FloatArray:
         last, within = shared_law(cells, D)
         return last + within * n / (n - 1) * (1.0 / lengths - 1.0 / n)
     r = _ratio(cells, D)
-    out = np.full(len(lengths), limit(cells, D).sum())
+    out = np.full(len(lengths), (D @ cells.a) @ r)
     a = cells.a - r * cells.b
     b, binary, general = _classify(cells.b)
     if binary.any():
-        visitors = (cells.b[:, binary] > 0).sum(axis=0)
-        square = (a[:, binary] ** 2).sum(axis=0) / b[binary]
-        # No spread is left where one task visits; dividing by n - 1 = 0 is avoided there.
-        spread = np.where(visitors > 1, square / np.maximum(visitors - 1, 1), 0.0)
-        met = 1.0 - _miss(n, lengths)[:, visitors]
-        out += ((met - (lengths / n)[:, None]) @ spread) / lengths
+        visitors = (cells.b > 0).sum(axis=0)
+        # No spread is left where one task visits, which is where n - 1 would be 0.
+        spread = np.divide(
+            np.einsum("mg,mg->g", a, a),
+            b * (visitors - 1),
+            out=np.zeros_like(b),
+            where=binary & (visitors > 1),
+        )
+        met = 1.0 - _miss(n, tuple(lengths.tolist()))[:, visitors]
+        out += (met - (lengths / n)[:, None]) @ spread / lengths
     for block in _blocks(general, n):
         out += _subset_integral(a[:, block], cells.b[:, block], lengths)
     return out
@@ -348,6 +382,39 @@ def check_lengths(k: ArrayLike, largest: int | None = None) -> IntArray:
     return lengths.astype(np.int64)
 
 
+class _Law:
+    """k-relevance of partitions of the same tasks, with what they share computed once."""
+
+    def __init__(
+        self,
+        solutions: Solutions,
+        k: ArrayLike,
+        distribution: ArrayLike | None,
+        replacement: bool,
+        direction: Direction,
+    ) -> None:
+        one_of("direction", direction, ("backward", "forward"))
+        self.k = check_lengths(k, None if replacement else solutions.n_tasks)
+        if not replacement and distribution is not None:
+            raise ValueError(
+                "distribution was given with replacement=False, but combinations of different "
+                "tasks all weigh the same; leave it out."
+            )
+        self.D = check_distribution(distribution, solutions.n_tasks)
+        self.replacement = replacement
+        self.sign = 1.0 if direction == "backward" else -1.0
+        base = ground(solutions)
+        self.reference = self._explained(base if direction == "backward" else base.total())
+
+    def _explained(self, cells: Cells) -> FloatArray:
+        if self.replacement:
+            return explained(cells, self.k, self.D)
+        return explained_combinations(cells, self.k)
+
+    def __call__(self, cells: Cells) -> FloatArray:
+        return self.sign * (self.reference - self._explained(cells))
+
+
 def _ratio(cells: Cells, D: FloatArray) -> FloatArray:
     """Abstract Q-value of each cell in the limit; 0 in cells that no task visits."""
     a = D @ cells.a
@@ -436,10 +503,11 @@ def _subset_integral(a: FloatArray, b: FloatArray, k: IntArray) -> FloatArray:
     return np.einsum("t,ktg->k", weight, second)[k] / k
 
 
-def _miss(n: int, k: IntArray) -> NDArray[np.float64]:
+@cache
+def _miss(n: int, k: tuple[int, ...]) -> FloatArray:
     """Chance that k of n tasks hold none of v given ones, shape ``(K, n + 1)``, v = 0 .. n."""
     others = n - np.arange(n + 1)
-    length = k[:, None]
+    length = np.array(k)[:, None]
     possible = others >= length
     top = np.where(possible, others, length)
     # C(n - v, k) / C(n, k) from factorials would overflow; their logarithms do not.

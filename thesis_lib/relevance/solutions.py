@@ -222,12 +222,12 @@ class Solutions:
 
     @cached_property
     def centre(self) -> float:
-        """Mean of all Q-values under the tasks' weights.
+        """Mean Q-value of the first task.
 
         Relevance does not change when a constant is added to every Q, so sums are taken
         about this centre, which keeps their rounding error small.
         """
-        return float(sum(_dot(p, q) for p, q in zip(self.p, self.q, strict=True)) / self.n_tasks)
+        return float(np.nansum(self.p[0] * self.q[0]))
 
     @cached_property
     def moments(self) -> tuple[FloatArray, FloatArray]:
@@ -237,7 +237,7 @@ class Solutions:
         """
         p = self.p[:1] if self.shared else self.p
         a = self.q - self.centre
-        np.nan_to_num(a, copy=False)
+        a[np.isnan(a)] = 0.0
         a *= p
         return a, np.ascontiguousarray(p)
 
@@ -345,11 +345,6 @@ def encode(features: IntArray) -> tuple[IntArray, tuple[int, ...]]:
         code += digit.reshape(-1)
         sizes.append(size)
     return code, tuple(sizes)
-
-
-def _dot(p: FloatArray, q: FloatArray) -> float:
-    present = p > 0
-    return float(p[present] @ q[present])
 
 
 def _check_tables(q: FloatArray, p: FloatArray) -> None:

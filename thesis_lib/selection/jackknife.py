@@ -32,13 +32,14 @@ noise, and the upper tail of F gets lighter.  Were the trace known, a theorem of
 and Bakirov (2003) would say that the single direction has the heaviest tail beyond 1.54
 times the mean; with the trace estimated no proof is known to us, but numerical inversion
 confirms it for every spectrum tried, with alpha up to .1.  So ``null="t2"`` keeps an
-irrelevant feature with a probability of at most alpha, whatever the directions.  ``null="box"`` replaces the mixtures by chi-squares with their
-first two moments: F with :math:`\nu` and :math:`(n-1)\nu` degrees of freedom, with
-:math:`\nu = (\sum_j \lambda_j)^2 / \sum_j \lambda_j^2` the effective number of directions.
+irrelevant feature with a probability of at most alpha, whatever the directions.
+``null="box"`` replaces the mixtures by chi-squares with their first two moments: F with
+:math:`\nu` and :math:`(n-1)\nu` degrees of freedom, with :math:`\nu = (\sum_j \lambda_j)^2
+/ \sum_j \lambda_j^2` the effective number of directions.
 
 Task solutions are not Gaussian.  If a feature's effect takes two opposite values with
-equal chance, n tasks show the same one with probability :math:`2^{1-n}`, and no test can
-tell this from a relevant feature: for n below 6 the 5% level cannot be reached.
+equal chance, all n tasks show the same one with probability :math:`2^{1-n}`.  This looks
+like a feature relevant in every task, so for n below 6 the 5% level cannot be held.
 """
 
 from __future__ import annotations
