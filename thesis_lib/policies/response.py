@@ -1,0 +1,179 @@
+r"""Networks as filters: what they make of an impulse, a step and noise (section 5.2).
+
+A signal is fed along one direction of the observation and the mean action is read out.
+The loop is open: the previous action a recurrent net may see is kept at 0.
+"""
+
+from __future__ import annotations
+
+from copy import deepcopy
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike, NDArray
+from scipy import signal as processing
+
+from thesis_lib.policies.base import GaussianPolicy
+
+FloatArray = NDArray[np.float64]
+
+SETTLED = 1e-6
+"""Largest change of the state in a step at which a network counts as at rest."""
+
+
+def respond(policy: GaussianPolicy, signal: ArrayLike, direction: ArrayLike) -> FloatArray:
+    """Mean action while a signal is fed in.
+
+    Parameters
+    ----------
+    policy
+        The network, from its initial state.
+    signal
+        Shape ``(T,)``.
+    direction
+        What a signal of 1 adds to the observation, shape ``(D,)``; the rest is 0.
+
+    Returns
+    -------
+    FloatArray
+        Shape ``(T, A)``.
+    """
+    x = np.asarray(signal, dtype=np.float64)
+    observations = torch.as_tensor(np.outer(x, np.asarray(direction, dtype=np.float64)))[:, None]
+    actions = torch.zeros((len(x), 1, policy.action_size), dtype=torch.float64)
+    with torch.no_grad():
+        mean, _ = policy(observations, actions)
+    return mean[:, 0].double().numpy()
+
+
+def measured_gain(
+    policy: GaussianPolicy,
+    dt: float,
+    direction: ArrayLike,
+    *,
+    amplitude: float,
+    generator: np.random.Generator,
+    steps: int = 2**15,
+    segment: int = 1024,
+) -> tuple[FloatArray, FloatArray]:
+    r"""Gain over frequency, measured with white noise.
+
+    .. math:: |H(f)| = |P_{xy}(f)| / P_{xx}(f)
+
+    with the spectra of input and output averaged over segments (Welch).  For a nonlinear
+    network this is the best linear description of it at this amplitude.
+
+    Parameters
+    ----------
+    policy
+        The network.
+    dt
+        Control step in seconds.
+    direction
+        See :func:`respond`.
+    amplitude
+        Standard deviation of the noise.
+    generator
+        Its source.
+    steps
+        Length of the signal; the first segment is left out as a transient.
+    segment
+        Length of a segment, which sets the resolution in frequency.
+
+    Returns
+    -------
+    frequency, gain
+        In Hz, shape ``(F,)``, and ``(F, A)``.
+    """
+    if steps < 2 * segment:
+        raise ValueError(
+            f"steps is {steps}, but at least two segments of {segment} steps are needed."
+        )
+    x = amplitude * generator.standard_normal(steps)
+    y = respond(policy, x, direction)[segment:]
+    x = x[segment:]
+    frequency, power = processing.welch(x, fs=1 / dt, nperseg=segment, detrend="constant")
+    _, cross = processing.csd(x[:, None], y, fs=1 / dt, nperseg=segment, detrend="constant", axis=0)
+    return frequency, np.abs(cross) / power[:, None]
+
+
+def small_signal_gain(
+    policy: GaussianPolicy,
+    dt: float,
+    direction: ArrayLike,
+    frequency: ArrayLike,
+    settle: int = 20_000,
+) -> FloatArray:
+    r"""Gain over frequency for signals so small that the network is linear.
+
+    At rest the state changes by :math:`ds' = A\,ds + b\,dx` and the mean by
+    :math:`C\,ds'`, so that
+
+    .. math:: |H(f)| = |C (I - A z^{-1})^{-1} b|, \qquad z = e^{2\pi i f \Delta t}.
+
+    Parameters
+    ----------
+    policy
+        The network.
+    dt
+        Control step in seconds.
+    direction
+        See :func:`respond`.
+    frequency
+        In Hz, shape ``(F,)``.
+    settle
+        Most steps without input after which the network must be at rest.
+
+    Returns
+    -------
+    FloatArray
+        Shape ``(F, A)``.
+
+    Raises
+    ------
+    ValueError
+        When the network does not come to rest, or would not return to it.
+    """
+    net = deepcopy(policy).double()  # double() works in place
+    state = net.initial_state(1).detach()
+    zero = torch.zeros((1, net.observation_size), dtype=torch.float64)
+    action = torch.zeros((1, net.action_size), dtype=torch.float64)
+    with torch.no_grad():
+        for _ in range(settle):
+            _, after = net.step(zero, action, state)
+            change = float((after - state).abs().max()) if state.numel() else 0.0
+            state = after
+            if change < SETTLED:
+                break
+        else:
+            raise ValueError(
+                f"the {policy.architecture} network still moves by {change:.2g} a step after "
+                f"{settle} steps without input: a small-signal gain needs a network at rest."
+            )
+    along = torch.as_tensor(np.asarray(direction, dtype=np.float64))[None]
+
+    def step(x: torch.Tensor, s: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        mean, after = net.step(x * along, action, s[None])
+        return mean[0], after[0]
+
+    origin = torch.zeros(1, dtype=torch.float64)
+    wanted = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
+    if policy.state_size == 0:  # nothing is remembered: the same at all frequencies
+        slope = torch.autograd.functional.jacobian(lambda x: step(x, state[0])[0], origin)
+        return np.abs(np.tile(np.asarray(slope)[:, 0], (len(wanted), 1)))
+    (d_mean, d_state) = torch.autograd.functional.jacobian(step, (origin, state[0]))
+    direct, from_state = (np.asarray(d) for d in d_mean)  # (A, 1), (A, S)
+    b, A = (np.asarray(d) for d in d_state)  # (S, 1), (S, S)
+    growth = np.abs(np.linalg.eigvals(A)).max()
+    if growth >= 1:
+        raise ValueError(
+            f"the {policy.architecture} network is unstable at rest (a disturbance grows by "
+            f"{growth:.3g} a step): it has no small-signal gain."
+        )
+    identity = np.identity(len(A))
+    gains = []
+    for f in wanted:
+        z = np.exp(2j * np.pi * f * dt)
+        response = from_state @ np.linalg.solve(z * identity - A, b) + direct
+        gains.append(np.abs(response[:, 0]))
+    return np.array(gains)
