@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import hashlib
 import json
 import shutil
 import subprocess
@@ -148,13 +149,16 @@ def _shows(run: Run, task: Task) -> bool:
 def _render(paths: Paths, *, strict: bool, say: Callable[[str], None]) -> int:
     """Run Sphinx, unless the pages are those of the staged book already."""
     stamp, search = paths.html / _STAMP, paths.html / "searchindex.js"
-    # The Sphinx extensions are part of what makes the pages.
-    current = fingerprint(paths.source) + fingerprint(Path(__file__).parent, "*.py")
+    pages, assets = fingerprint(paths.source), _assets(paths)
     made = json.loads(stamp.read_text()) if stamp.exists() else {}
-    if not search.exists() or made.get("written") != search.stat().st_mtime_ns:
-        # Not ours, or not finished: a bare `jupyter-book build .` writes to the same place.
+    if made.get("assets") != assets:
+        # Sphinx would neither copy a changed style sheet nor notice a changed extension.
+        shutil.rmtree(paths.doctrees, ignore_errors=True)
         shutil.rmtree(paths.html, ignore_errors=True)
-    elif made["source"] == current:
+    elif not search.exists() or made["written"] != search.stat().st_mtime_ns:
+        # Not as we left it: a bare `jupyter-book build .` writes to the same place.
+        shutil.rmtree(paths.html, ignore_errors=True)
+    elif made["pages"] == pages:
         say("No page changed.")
         return 0
     stamp.unlink(missing_ok=True)
@@ -167,9 +171,16 @@ def _render(paths: Paths, *, strict: bool, say: Callable[[str], None]) -> int:
         say("The book was not built: see the warnings and errors above.")
         return 1
     with replacing(stamp) as temporary:
-        made = {"source": current, "written": search.stat().st_mtime_ns}
+        made = {"pages": pages, "assets": assets, "written": search.stat().st_mtime_ns}
         temporary.write_text(json.dumps(made))
     return 0
+
+
+def _assets(paths: Paths) -> str:
+    """Hash of what goes into every page: style sheets, scripts, pictures, our extensions."""
+    extensions = [Path(__file__).with_name(name) for name in ("offline.py", "thesis_numbers.py")]
+    code = hashlib.sha256(b"".join(file.read_bytes() for file in extensions))
+    return fingerprint(paths.source / "book" / "_static") + code.hexdigest()
 
 
 @contextmanager

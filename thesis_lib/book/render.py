@@ -44,7 +44,7 @@ def render(source: Path, html: Path, doctrees: Path, *, strict: bool) -> int:
         noconfig=True,
         path_config=str(config),
         doctreedir=str(doctrees),
-        confoverrides={"nitpicky": strict, "latex_individualpages": False},
+        confoverrides={"nitpicky": True, "latex_individualpages": False},
         warningiserror=strict,
         keep_going=True,
         quiet=True,

@@ -75,10 +75,10 @@ def sync(files: Mapping[Path, bytes], folder: Path) -> None:
             target.unlink()
 
 
-def fingerprint(folder: Path, pattern: str = "*") -> str:
-    """Hash of a folder's files that match a pattern, names and contents."""
+def fingerprint(folder: Path) -> str:
+    """Hash of a folder's files, names and contents."""
     hashed = hashlib.sha256()
-    for file in sorted(folder.rglob(pattern)):
+    for file in sorted(folder.rglob("*")):
         if file.is_file():
             data = file.read_bytes()
             hashed.update(f"{file.relative_to(folder)}\0{len(data)}\0".encode() + data)
