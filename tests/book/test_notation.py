@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 PAGE = Path(__file__).resolve().parents[2] / "book" / "notation.md"
-NAME = re.compile(r"`(thesis_lib[\w.]*)(?:\((\w+)\))?`")
+NAME = re.compile(r"`([a-z_]\w*\.[\w.]+)(?:\((\w+)\))?`")
 LINES = PAGE.read_text(encoding="utf-8").splitlines()
 ROWS = [r for r in LINES if r.startswith("| ") and not r.startswith(("| Symbol", "| :--"))]
 NAMES = sorted({match for row in ROWS for match in NAME.findall(row)})
@@ -39,7 +39,7 @@ def _is_dataclass(found: Any) -> bool:
 
 @pytest.mark.parametrize(("path", "argument"), NAMES)
 def test_names_resolve(path: str, argument: str) -> None:
-    found = resolve(path)
+    found = resolve(f"thesis_lib.{path}")
     if argument:
         assert argument in inspect.signature(found).parameters
 
