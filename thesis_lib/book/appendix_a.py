@@ -147,8 +147,8 @@ def one_number(table: pd.DataFrame) -> Figure:
     at = table[table.state == 1]
     figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.0))
     shown = (
-        ("start_value", "value of the first state [reward]", "(3.9), start states"),
-        ("average_reward", "reward a step [reward]", "(3.11), average reward"),
+        ("start_value", "value of the first state [reward]", "by the start"),
+        ("average_reward", "reward a step [reward]", "by the time spent"),
     )
     for ax, (column, label, title) in zip(axes, shown, strict=True):
         ax.plot(at.p_b, at[column], color="k")
