@@ -51,7 +51,7 @@ def theorem_1(table: pd.DataFrame, tolerance: float) -> Figure:
         ax.tick_params(labelsize=8)
         ax.set_xlim(left=-0.5)
     fig.supxlabel("sweeps of value iteration", fontsize=10)
-    axes[0, -1].legend(fontsize=7, loc="lower right")
+    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
     return fig
 
 
@@ -80,7 +80,7 @@ def fit_curves(table: pd.DataFrame, stated: int) -> Figure:
     ax.axvline(stated, color=PRINTED, ls=":", label="as the text says")
     low = max(1.0, float(table.chi2.min()) / 2)
     ax.set(xlabel="episodes a run", ylabel=f"chi-square, {dof} entries", ylim=(low, None))
-    ax.legend(fontsize=8, loc="upper right", ncols=2)
+    fig.legend(fontsize=8, loc="outside lower center", ncols=2)
     return fig
 
 
@@ -288,15 +288,26 @@ def scaling(table: pd.DataFrame) -> Figure:
         ax.axvline(1, color=PRINTED, ls=":", lw=1)
         ax.set_title(f"{domain}, {LEARNERS[method]}", fontsize=9)
         ax.tick_params(labelsize=8)
-        if (table[table.domain == domain]["mean"] < -1e5).any():
-            ax.set_yscale("symlog", linthresh=1e4)
     for ax in axes.flat[len(keys) :]:
         ax.axis("off")
-    fig.supxlabel("factor", fontsize=10)
+    for ax in axes[-1]:
+        ax.set_xlabel("factor", fontsize=9)
     fig.supylabel("total reward", fontsize=10)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     fig.legend(handles, labels, loc="outside lower center", ncols=4)
     return fig
+
+
+def best_factors(table: pd.DataFrame) -> pd.DataFrame:
+    """Best factor of each potential, with the return there, at 1, and with a derived factor."""
+    keys = ["domain", "algorithm", "potential"]
+    best = table.loc[table.groupby(keys, sort=False)["mean"].idxmax()].set_index(keys)
+    at_one = table[table.factor == 1].set_index(keys)["mean"].reindex(best.index)
+    shown = best[["factor"]].assign(at_best=best["mean"], at_one=at_one, derived=best.derived_mean)
+    shown = shown.reset_index()
+    shown["learner"] = shown.pop("algorithm").map(LEARNERS)
+    shown["potential"] = shown.potential.map(SYMBOLS)
+    return shown[["domain", "learner", "potential", "factor", "at_best", "at_one", "derived"]]
 
 
 def two_values(table: pd.DataFrame) -> Figure:
@@ -330,13 +341,21 @@ def two_values(table: pd.DataFrame) -> Figure:
     return fig
 
 
+def interval(mean: float, half_width: float) -> str:
+    """Mean ± half-width as text, with as many digits as the half-width is worth."""
+    digits = max(0, 1 - int(np.floor(np.log10(half_width)))) if half_width > 0 else 2
+    return f"{mean:,.{digits}f} ± {half_width:,.{digits}f}"
+
+
 def mu_star(table: pd.DataFrame) -> pd.DataFrame:
     """What each search for the cross-task policy reaches, one row a domain and objective."""
     wide = table.pivot(index=["domain", "objective"], columns="method", values="value")
     wide = wide.reindex(columns=["uniform", "ga", "gradient"])
     order = dict.fromkeys(zip(table.domain, table.objective, strict=True))
     gap = (wide["gradient"] - wide["ga"]) / wide["gradient"].abs()
-    shown = wide.map(lambda v: f"{v:,.4g}")
+    shown = wide.map(
+        lambda v: f"{v:,.0f}" if abs(v) >= 1000 else f"{v:.4g}" if abs(v) > 1e-9 else "0"
+    )
     shown["gap"] = gap.map(lambda v: f"{v:.1%}")
     shown.columns = ["uniform", "GA (footnote 2)", "exact gradients", "GA below by"]
     return shown.reindex(list(order)).reset_index()

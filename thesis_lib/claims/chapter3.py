@@ -547,6 +547,30 @@ def other_readings(tables: Tables) -> str:
     return f"Chi-square at 500 episodes when one other point is varied instead: {told}."
 
 
+def learning_rates_are_best(tables: Tables) -> Finding:
+    """Whether each learner earns the most at its printed learning rate."""
+    table = tables["table-3.1-alpha"]
+    told, right = [], []
+    for algorithm, alpha in (("q_learning", 1.0), ("sarsa", 0.4)):
+        own = table[table.algorithm == algorithm]
+        best, at = _best(own)
+        printed, _ = _best(own[own.alpha == alpha])
+        test = welch(best, printed)
+        right.append(test.p_value >= ALPHA)
+        told.append(
+            f"{LEARNERS[algorithm]}: best {best.mean:.2f} at alpha {at:g}, {printed.mean:.2f} at "
+            f"the printed {alpha:g} (p = {test.p_value:.2g})"
+        )
+    return Finding(
+        Verdict.REPRODUCED
+        if all(right)
+        else Verdict.DIRECTION
+        if any(right)
+        else Verdict.NOT_REPRODUCED,
+        f"Total reward in 10⁴, Welch, n = {printed.n} a point: {'; '.join(told)}.",
+    )
+
+
 def q_mu_readings(tables: Tables) -> str:
     """How far each reading's Q^mu row is from the printed one."""
     table = tables["table-3.1-mu"]
@@ -703,6 +727,15 @@ CLAIMS: tuple[Claim, ...] = (
         criterion="Worse than no shaping for both learners (Welch with Holm below .05), and the "
         "intervals reach the printed ones.",
         judge=q_mu_is_poor,
+    ),
+    Claim(
+        id="3.4.1-learning-rates",
+        section="3.4.1",
+        statement="Learning rates of 1 for Q-learning and .4 for Sarsa maximise their performance.",
+        experiments=("table-3.1-alpha",),
+        criterion="At no learning rate tried does an unshaped learner earn significantly more "
+        "(Welch, .05).",
+        judge=learning_rates_are_best,
     ),
     Claim(
         id="3.4.2-huddle",

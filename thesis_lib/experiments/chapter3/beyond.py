@@ -110,8 +110,6 @@ class TwoValuesConfig:
     """Learning steps on each source task."""
     alpha: float = 0.1
     """Learning rate of both value functions."""
-    epsilon: float = 0.1
-    """Exploration rate of the Q-learner, and of the soft policy valued alongside."""
     repeats: int = 10
     """Runs on each target task with the potential so obtained."""
     n_sources: int = 5
@@ -124,7 +122,8 @@ def run_two_values(config: TwoValuesConfig, context: Context) -> pd.DataFrame:
     for d, name in enumerate(config.domains):
         domain = SETTINGS[name].domain()
         target = next(x for x in SETTINGS[name].learners if x.method == "q_learning")
-        exact = potentials.q_tilde(domain, config.epsilon)
+        # The source learner explores as the target learner will: the soft values are its own.
+        exact = potentials.q_tilde(domain, target.epsilon)
         star = potentials.q_star(domain)
         spread = float(np.abs(exact - exact.mean()).max())
         for steps in config.steps:
@@ -133,6 +132,7 @@ def run_two_values(config: TwoValuesConfig, context: Context) -> pd.DataFrame:
                 seed: np.random.SeedSequence,
                 steps: int = steps,
                 domain: Domain = domain,
+                target: Learner = target,
             ) -> tuple[FloatArray, FloatArray]:
                 rng = np.random.default_rng(seed)
                 own, side = [], []
@@ -141,7 +141,7 @@ def run_two_values(config: TwoValuesConfig, context: Context) -> pd.DataFrame:
                         task,
                         "q_learning",
                         alpha=config.alpha,
-                        epsilon=config.epsilon,
+                        epsilon=target.epsilon,
                         steps=steps,
                         companion="expected_sarsa",
                         rng=rng,
