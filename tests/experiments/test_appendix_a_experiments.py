@@ -1,16 +1,25 @@
 """Appendix A: tables against formulas derived by hand, and judges on both sides."""
 
+import dataclasses
+
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from thesis_lib.claims import Claim, Verdict
 from thesis_lib.claims.appendix_a import CLAIMS, DIFFERENCES
+from thesis_lib.domains.appendix_a import figure_a1, figure_a2, policy, state_values
 from thesis_lib.experiments import experiments
 from thesis_lib.experiments.appendix_a import EXPERIMENTS
 from thesis_lib.experiments.appendix_a.fact_1 import Config
 from thesis_lib.experiments.appendix_a.fact_2 import communicating
-from thesis_lib.experiments.appendix_a.policy_dependent import crossing, statements
+from thesis_lib.experiments.appendix_a.policy_dependent import (
+    FIGURE_A_3,
+    crossing,
+    statements,
+)
 
 BY_ID: dict[str, Claim] = {claim.id: claim for claim in CLAIMS}
 
@@ -161,3 +170,37 @@ def test_effects_and_evidence_exist(tables) -> None:
     for d in DIFFERENCES:
         told = d.effect if isinstance(d.effect, str) else d.effect(tables)
         assert told.endswith(".")
+
+
+@given(st.floats(0.05, 0.99), st.floats(0.0, 0.95))
+@settings(max_examples=60, deadline=None)
+def test_case_3_holds_for_every_detour_below_one(gamma: float, detour: float) -> None:
+    # The first exercise of the page: both signs come down to detour < 1.
+    domain = figure_a2("c", discount=gamma, detour=detour)
+    value = state_values(domain, policy(domain, 1.0)).domain
+    assert value[0] > 0 > value[2]
+
+
+def test_case_3_ends_at_a_detour_of_one() -> None:
+    domain = figure_a2("c", detour=1.0)
+    np.testing.assert_allclose(state_values(domain, policy(domain, 1.0)).domain, 0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("gain", "mixed"), [(7.1, False), (7.4, True), (17.2, True), (18, False)])
+def test_average_reward_wants_a_mixture_between_two_gains(gain: float, mixed: bool) -> None:
+    # The third exercise: between 22/3.05 = 7.21 and 3.05 * 23^2 / (2.05^2 * 22) = 17.45.
+    table = FIGURE_A_3.run(config=dataclasses.replace(FIGURE_A_3.config("book"), gain=gain)).table
+    one = table[table.state == 1]
+    assert (0 < one.p_b[one.average_reward.idxmax()] < 1) == mixed
+
+
+def test_discounted_visits_double_the_factor() -> None:
+    # The second exercise: weights 1/(1 - g q) for staying with probability q.
+    gamma = 0.9
+    domain = figure_a1(1.0, gamma)
+
+    def value(p_b: float) -> float:
+        visits = [[1 / (1 - gamma * (1 - p_b))], [1 / (1 - gamma * p_b)]]
+        return float(state_values(domain, policy(domain, p_b), visits).domain[0])
+
+    assert value(0.0) / value(0.5) == pytest.approx(1 / (1 - gamma))
