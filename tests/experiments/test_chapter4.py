@@ -5,6 +5,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from thesis_lib.claims import Verdict
+from thesis_lib.claims.chapter4 import CLAIMS, DIFFERENCES
 from thesis_lib.domains import stock, triangle
 from thesis_lib.experiments.base import Context
 from thesis_lib.experiments.chapter3.common import Learner
@@ -35,6 +37,26 @@ def test_smoke_budget_runs_and_is_the_same_for_any_number_of_workers(experiment)
     ours = [c for c in one.columns if c != "cpu_seconds"]
     assert one[ours].equals(two[ours])
     assert len(one) > 0
+
+
+@pytest.fixture(scope="module")
+def smoke():
+    return {e.id: e.run("smoke", seed=5).table for e in EXPERIMENTS}
+
+
+@pytest.mark.parametrize("claim", CLAIMS, ids=lambda c: c.id)
+def test_every_claim_can_be_judged(claim, smoke):
+    finding = claim.judge({i: smoke[i] for i in claim.experiments})
+    assert isinstance(finding.verdict, Verdict)
+    assert finding.evidence.endswith(".")
+    assert "nan" not in finding.evidence
+
+
+def test_every_difference_can_be_told(smoke):
+    for difference in DIFFERENCES:
+        if callable(difference.effect):
+            tables = {i: smoke[i] for i in difference.experiments}
+            assert len(difference.effect(tables)) > 20
 
 
 # Figure 4.1.

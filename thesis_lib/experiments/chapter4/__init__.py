@@ -6,6 +6,7 @@ from thesis_lib.experiments.base import Experiment
 from thesis_lib.experiments.chapter4.calibration import CALIBRATION, ROC
 from thesis_lib.experiments.chapter4.cost import COST
 from thesis_lib.experiments.chapter4.curves import FIGURE_4_1, FIGURE_4_2
+from thesis_lib.experiments.chapter4.domains_compared import RELEVANCES
 from thesis_lib.experiments.chapter4.readings import READINGS_COMPARED
 from thesis_lib.experiments.chapter4.selection_figures import (
     EPISODIC,
@@ -18,6 +19,7 @@ from thesis_lib.experiments.chapter4.theorems import (
     COROLLARY_1,
     COUNTEREXAMPLES,
     ESTIMATORS,
+    LEMMA_3,
     LEMMAS,
     THEOREM_2,
     THEOREM_3,
@@ -32,9 +34,11 @@ EXPERIMENTS: tuple[Experiment[Any], ...] = (
     COROLLARY_1,
     THEOREM_3,
     LEMMAS,
+    LEMMA_3,
     ESTIMATORS,
     COST,
     THRESHOLD,
+    RELEVANCES,
     READINGS_COMPARED,
     FIGURE_4_3,
     FIGURE_4_4,

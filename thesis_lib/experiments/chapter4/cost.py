@@ -89,7 +89,7 @@ COST: Experiment[CostConfig] = Experiment(
     title="Time of one round over all features, by algorithm 8 at one k and by the law for all k.",
     function=run_cost,
     budgets={
-        "smoke": CostConfig(bits=(4, 5), tasks=(4,), max_seqs=(10,), repeats=1),
+        "smoke": CostConfig(bits=(12, 13), tasks=(4, 8), max_seqs=(10, 20), repeats=1),
         "book": CostConfig(),
         "thesis": CostConfig(bits=(8, 10, 12, 14, 16, 18)),
     },

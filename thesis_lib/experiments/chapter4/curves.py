@@ -59,7 +59,7 @@ FIGURE_4_1: Experiment[CurveConfig] = Experiment(
     title="k-relevance of single features of the triangle, exactly, in both directions.",
     function=run_figure_4_1,
     budgets={
-        "smoke": CurveConfig(longest=4),
+        "smoke": CurveConfig(longest=12),
         "book": CurveConfig(),
         "thesis": CurveConfig(),
     },

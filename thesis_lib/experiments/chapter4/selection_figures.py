@@ -154,7 +154,7 @@ def run_figure_4_6(config: StockConfig, context: Context) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True)
 
 
-SMALL = Protocol(runs=2, tests=1, tasks_seen=(3, 5))
+SMALL = Protocol(runs=2, tests=1, tasks_seen=(3, 4, 5))
 
 FIGURE_4_3: Experiment[TriangleConfig] = Experiment(
     id="figure-4.3",
@@ -170,7 +170,7 @@ FIGURE_4_3: Experiment[TriangleConfig] = Experiment(
     seconds={"smoke": 1, "book": 90, "thesis": 90},
 )
 
-SMALL_CLIFF = Protocol(runs=2, tests=1, tasks_seen=(1, 4), methods=CLIFF_METHODS)
+SMALL_CLIFF = Protocol(runs=2, tests=1, tasks_seen=(1, 2, 4), methods=CLIFF_METHODS)
 
 FIGURE_4_4: Experiment[CliffConfig] = Experiment(
     id="figure-4.4",
@@ -226,7 +226,7 @@ FIGURE_4_6: Experiment[StockConfig] = Experiment(
     title="Feature selection on stock trading with 1 to 5 global factors.",
     function=run_figure_4_6,
     budgets={
-        "smoke": StockConfig(global_factors=(1,), protocol=SMALL),
+        "smoke": StockConfig(global_factors=(1, 4), protocol=SMALL),
         "book": StockConfig(),
         "thesis": StockConfig(),
     },

@@ -78,7 +78,7 @@ THRESHOLD: Experiment[ThresholdConfig] = Experiment(
     title="The F-ratio up to which FS-TEK removes a feature, and its decisions beside the rule's.",
     function=run_threshold,
     budgets={
-        "smoke": ThresholdConfig(tasks_seen=(4, 5), alphas=(1e-3,), checked=(4,), domains=3),
+        "smoke": ThresholdConfig(tasks_seen=(4, 5, 20), alphas=(1e-3,), checked=(4,), domains=3),
         "book": ThresholdConfig(),
         "thesis": ThresholdConfig(domains=300),
     },

@@ -1,0 +1,378 @@
+"""Figures of chapter 4, from the tidy tables of its experiments."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from thesis_lib.book.style import COLOURS, PRINTED
+from thesis_lib.experiments.chapter4.protocol import SYMBOLS
+
+COLOUR = {
+    "fs-tek": COLOURS[0],
+    "fs-tek schedule": COLOURS[5],
+    "ibkr": COLOURS[1],
+    "jackknife": COLOURS[2],
+    "jackknife box": COLOURS[4],
+    "fixed": COLOURS[7],
+    "random": COLOURS[4],
+    "none": "#7f7f7f",
+    "constant": COLOURS[3],
+}
+DASH = {"none": ":", "constant": "--", "fixed": "-.", "random": ":"}
+MARKER = {"fs-tek": "o", "ibkr": "s", "jackknife": "^", "fs-tek schedule": "v"}
+FEATURES = {
+    "a": "action $a$",
+    "x1": "state $x_1$",
+    "x2": "distance $x_2$",
+    "x3": "colour $x_3$",
+}
+KINDS = {
+    "shared": "shared p(x|m)",
+    "subsets": "uniform on subsets",
+    "weights": "any weights",
+}
+
+
+def figure_4_1(table: pd.DataFrame) -> Figure:
+    """k-relevance of single features, forward and backward, with the law through k = 1."""
+    fig, axes = plt.subplots(1, 2, figsize=(7.2, 3.4))
+    for ax, direction in zip(axes, ("forward", "backward"), strict=True):
+        own = table[table.direction == direction]
+        for i, (feature, curve) in enumerate(own.groupby("feature")):
+            ax.plot(
+                curve.k,
+                curve.relevance,
+                marker="o",
+                ms=3,
+                color=COLOURS[i],
+                label=FEATURES.get(str(feature), str(feature)),
+            )
+        ax.set(xlabel="sequence length k", title=direction, ylim=(-0.2, None))
+    axes[0].set_ylabel("k-relevance [squared reward]")
+    fig.legend(*axes[0].get_legend_handles_labels(), ncols=4, loc="outside lower center")
+    return fig
+
+
+def figure_4_2(table: pd.DataFrame, bold: Sequence[str]) -> Figure:
+    """Areas of the sequences for each k, and the covariance matrices of some of them."""
+    lengths = sorted(table.k.unique())
+    fig, axes = plt.subplots(1, len(lengths) + 1, figsize=(7.2, 3.2))
+    limit = float(table.covariance.abs().max())
+    colours = plt.get_cmap("RdBu_r")
+    for ax, k in zip(axes, lengths, strict=False):
+        own = table[table.k == k].drop_duplicates("sequence").set_index("sequence")
+        _areas(ax, own.probability.to_dict(), own.relevance.to_dict(), limit, bold)
+        ax.set_title(f"k = {k}", fontsize=10)
+    _matrices(axes[-1], table, [c for c in bold if c in set(table.sequence)], limit)
+    shade = plt.cm.ScalarMappable(plt.Normalize(-limit, limit), colours)
+    fig.colorbar(shade, ax=axes, shrink=0.7, label="covariance, relevance").ax.tick_params(
+        labelsize=7
+    )
+    return fig
+
+
+def _areas(
+    ax: Axes,
+    probability: dict[str, float],
+    relevance: dict[str, float],
+    limit: float,
+    bold: Sequence[str],
+) -> None:
+    colours = plt.get_cmap("RdBu_r")
+    share = {c: p for c, p in probability.items() if len(c) == len(next(iter(probability)))}
+
+    def split(prefix: str, x: float, y: float, w: float, h: float) -> None:
+        if prefix in share:
+            value = 0.5 + 0.5 * relevance[prefix] / limit
+            edge = 2.0 if prefix in bold else 0.4
+            ax.add_patch(Rectangle((x, y), w, h, fc=colours(value), ec="k", lw=edge))
+            if len(prefix) < 3:
+                ax.text(x + w / 2, y + h / 2, prefix, ha="center", va="center", fontsize=6)
+            return
+        mass = {m: sum(p for c, p in share.items() if c.startswith(prefix + m)) for m in "123"}
+        total = sum(mass.values())
+        at = x if len(prefix) % 2 == 0 else y
+        for m, part in mass.items():
+            size = part / total
+            if len(prefix) % 2 == 0:
+                split(prefix + m, at, y, w * size, h)
+                at += w * size
+            else:
+                split(prefix + m, x, at, w, h * size)
+                at += h * size
+
+    split("", 0.0, 0.0, 1.0, 1.0)
+    ax.set(xlim=(0, 1), ylim=(1, 0), xticks=[], yticks=[], aspect="equal")
+    ax.grid(False)
+
+
+def _matrices(ax: Axes, table: pd.DataFrame, sequences: Sequence[str], limit: float) -> None:
+    colours = plt.get_cmap("RdBu_r")
+    y = 0.0
+    for c in sequences:
+        own = table[table.sequence == c]
+        for row in own.itertuples():
+            value = 0.5 + 0.5 * row.covariance / limit
+            ax.add_patch(
+                Rectangle((row.j - 1, y + row.i - 1), 1, 1, fc=colours(value), ec="k", lw=0.4)
+            )
+        ax.text(len(c) + 0.2, y + len(c) / 2, f"({', '.join(c)})", va="center", fontsize=7)
+        y += len(c) + 0.6
+    ax.set(xlim=(0, 5.5), ylim=(max(y, 1.0), 0), xticks=[], yticks=[], aspect="equal")
+    ax.set_title("matrices", fontsize=10)
+    ax.grid(False)
+    for side in ax.spines.values():
+        side.set_visible(False)
+
+
+def ratio_of_steps(table: pd.DataFrame) -> Figure:
+    """Distance from the limit over k, and what is left of it after the 1/k term."""
+    fig, axes = plt.subplots(1, 2, figsize=(7.2, 3.2), sharex=True)
+    for i, (kind, own) in enumerate(table.groupby("kind", sort=False)):
+        axes[0].loglog(
+            own.k, own.mean_distance, "o-", ms=3, color=COLOURS[i], label=KINDS[str(kind)]
+        )
+        axes[1].loglog(own.k, own.mean_rest.clip(lower=1e-17), "o-", ms=3, color=COLOURS[i])
+    axes[0].set(xlabel="k", ylabel=r"mean $|\rho_k - \rho_\infty|$")
+    axes[1].set(xlabel="k", ylabel=r"mean $|\rho_k - \rho_\infty - c/k|$")
+    fig.legend(loc="outside lower center", ncols=3, fontsize=8)
+    return fig
+
+
+def exponential_misfit(
+    curve: Sequence[float], fitted: Sequence[float], k: Sequence[float]
+) -> Figure:
+    """The curve 1/k at the numbers of tasks, and the exponential fitted to it, far beyond."""
+    fig, ax = plt.subplots(figsize=(7.2, 3.0))
+    ax.plot(np.arange(1, len(curve) + 1), curve, "o", color=COLOURS[0], label="D(k) = 1/k")
+    ax.plot(k, fitted, color=COLOURS[1], label="fitted exponential")
+    ax.plot(k, 1 / np.asarray(k), ":", color=COLOURS[0], label="the law")
+    ax.axhline(0, color=PRINTED, lw=1, label="true limit")
+    ax.set(xlabel="k", ylabel="relevance / (b - U)", xlim=(0.5, max(k)))
+    ax.legend(fontsize=8)
+    return fig
+
+
+def threshold(table: pd.DataFrame) -> Figure:
+    """FS-TEK's threshold on the F-ratio over the number of tasks, by level."""
+    fig, ax = plt.subplots(figsize=(7.2, 3.4))
+    for i, (alpha, own) in enumerate(table.groupby("alpha")):
+        ax.plot(
+            own.tasks_seen, own.threshold, "o-", ms=3, color=COLOURS[i], label=rf"FS-TEK, {alpha:g}"
+        )
+    one = table.drop_duplicates("tasks_seen")
+    ax.plot(one.tasks_seen, one.calibrated, "--", color=PRINTED, label="jackknife F, 5%")
+    ax.axhline(0, color="#7f7f7f", lw=1)
+    ax.axhline(1, color="#7f7f7f", lw=1, ls=":")
+    ax.set(
+        xlabel="observed tasks n",
+        ylabel="largest F-ratio removed",
+        yscale="symlog",
+        ylim=(-1, 200),
+    )
+    ax.legend(fontsize=8, ncols=2)
+    return fig
+
+
+def returns(ax: Axes, table: pd.DataFrame, methods: Iterable[str] | None = None) -> None:
+    """Mean return over tasks seen with 95% bands, one line a method."""
+    for method in methods or dict.fromkeys(table.method):
+        own = table[table.method == method].sort_values("tasks_seen")
+        colour = COLOUR[method]
+        ax.plot(
+            own.tasks_seen,
+            own.mean_return,
+            color=colour,
+            ls=DASH.get(method, "-"),
+            label=SYMBOLS[method],
+            lw=1.6,
+        )
+        ax.fill_between(
+            own.tasks_seen,
+            own.mean_return - own.ci95,
+            own.mean_return + own.ci95,
+            color=colour,
+            alpha=0.15,
+            lw=0,
+        )
+    ax.set_xlabel("tasks seen")
+
+
+def roc(
+    ax: Axes,
+    table: pd.DataFrame,
+    methods: Iterable[str] = ("fs-tek", "ibkr", "jackknife"),
+    printed: tuple[float, float] | None = None,
+) -> None:
+    """Points in ROC space, joined in the order of tasks seen, with the numbers beside them."""
+    for method in methods:
+        own = table[table.method == method].sort_values("tasks_seen")
+        ax.plot(
+            own.fpr,
+            own.tpr,
+            marker=MARKER.get(method, "d"),
+            ms=4,
+            lw=0.8,
+            color=COLOUR[method],
+            label=SYMBOLS[method],
+        )
+        for row in own.itertuples():
+            ax.annotate(
+                str(row.tasks_seen),
+                (row.fpr, row.tpr),
+                xytext=(2, 2),
+                textcoords="offset points",
+                fontsize=6,
+                color=COLOUR[method],
+            )
+    if printed is not None:
+        ax.plot(*printed, "D", color=PRINTED, ms=6, label="thesis, 5 tasks", ls="none")
+    ax.set(
+        xlabel="false positive rate",
+        ylabel="true positive rate",
+        xlim=(-0.04, 1.06),
+        ylim=(-0.04, 1.08),
+    )
+
+
+def selection(
+    table: pd.DataFrame, *, unit: float = 1.0, printed: tuple[float, float] | None = None
+) -> Figure:
+    """A figure as 4.3 to 4.5: returns on the left, ROC space on the right."""
+    fig, axes = plt.subplots(1, 2, figsize=(7.2, 3.8))
+    scaled = table.assign(mean_return=table.mean_return / unit, ci95=table.ci95 / unit)
+    returns(axes[0], scaled)
+    axes[0].set_ylabel("mean return" + (f" / {unit:g}" if unit != 1 else ""))
+    roc(axes[1], table, printed=printed)
+    handles, labels = axes[0].get_legend_handles_labels()
+    if printed is not None:
+        extra = axes[1].get_legend_handles_labels()
+        handles, labels = [*handles, extra[0][-1]], [*labels, extra[1][-1]]
+    fig.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8)
+    return fig
+
+
+def figure_4_6(table: pd.DataFrame) -> Figure:
+    """Returns and ROC space on stock, one row a number of global factors."""
+    sizes = sorted(table.global_factors.unique())
+    fig, axes = plt.subplots(
+        len(sizes), 2, figsize=(7.2, 0.8 + 1.9 * len(sizes)), sharex="col", squeeze=False
+    )
+    for row, g in zip(axes, sizes, strict=True):
+        own = table[table.global_factors == g]
+        returns(row[0], own)
+        roc(row[1], own)
+        row[0].set_ylabel(f"return, G = {g}", fontsize=9)
+        row[1].set_ylabel("TPR", fontsize=9)
+        for ax in row:
+            ax.tick_params(labelsize=8)
+            if row is not axes[-1]:
+                ax.set_xlabel("")
+    fig.legend(
+        *axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8
+    )
+    return fig
+
+
+def calibration(table: pd.DataFrame, alpha: float) -> Figure:
+    """Size of the test on irrelevant features, and its power, over the number of tasks."""
+    at = table[table.alpha == alpha]
+    fig, axes = plt.subplots(1, 2, figsize=(7.2, 3.6))
+    effect = at.effect.max()
+    null = at[(at.feature == "irrelevant") & (at.effect == effect)]
+    styles = {"t2": "-", "box": "--"}
+    for (law, shared, levels), own in null.groupby(["null", "shared", "levels"]):
+        i = 2 * int(levels == null.levels.max()) + int(shared)
+        axes[0].errorbar(
+            own.tasks_seen,
+            own.kept,
+            yerr=[own.kept - own.low, own.high - own.kept],
+            color=COLOURS[i],
+            ls=styles[str(law)],
+            marker="o",
+            ms=3,
+            capsize=2,
+            lw=1,
+            label=f"{law}, {levels} values, {'shared' if shared else 'own'} p",
+        )
+    axes[0].axhline(alpha, color=PRINTED, lw=1)
+    axes[0].set(xlabel="observed tasks n", ylabel="irrelevant feature kept", ylim=(0, None))
+    power = at[(at.feature == "relevant") & at.shared & (at.null == "t2")]
+    power = power[power.levels == power.levels.min()]
+    for i, (size, own) in enumerate(power.groupby("effect")):
+        axes[1].errorbar(
+            own.tasks_seen,
+            own.kept,
+            yerr=[own.kept - own.low, own.high - own.kept],
+            color=COLOURS[i],
+            marker="o",
+            ms=3,
+            capsize=2,
+            label=f"effect {size:g} sd",
+        )
+    axes[1].set(xlabel="observed tasks n", ylabel="relevant feature kept", ylim=(0, 1.05))
+    axes[1].legend(fontsize=8)
+    fig.legend(
+        *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=7
+    )
+    return fig
+
+
+def roc_of_domains(table: pd.DataFrame) -> Figure:
+    """ROC space of every domain, one panel each."""
+    domains = list(dict.fromkeys(table.domain))
+    columns = min(4, len(domains))
+    n_rows = -(-len(domains) // columns)
+    fig, axes = plt.subplots(
+        n_rows,
+        columns,
+        figsize=(7.2, 0.8 + 2.0 * n_rows),
+        sharex=True,
+        sharey=True,
+        squeeze=False,
+    )
+    methods = ("fs-tek", "fs-tek schedule", "ibkr", "jackknife")
+    for ax, domain in zip(axes.flat, domains, strict=False):
+        own = table[table.domain == domain]
+        roc(ax, own, methods)
+        ax.set_title(domain + (" (new)" if own.new.any() else ""), fontsize=8)
+        ax.tick_params(labelsize=7)
+        ax.set_xlabel("")
+        ax.set_ylabel("")
+    for ax in axes.flat[len(domains) :]:
+        ax.axis("off")
+    fig.supxlabel("false positive rate", fontsize=9)
+    fig.supylabel("true positive rate", fontsize=9)
+    fig.legend(
+        *axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8
+    )
+    return fig
+
+
+def cost(table: pd.DataFrame) -> Figure:
+    """Time of one round over all features: over pairs, tasks and sequences sampled."""
+    varied = list(dict.fromkeys(table.varied))
+    fig, axes = plt.subplots(1, len(varied), figsize=(7.2, 3.2), sharey=True, squeeze=False)
+    for ax, what in zip(axes[0], varied, strict=True):
+        own = table[table.varied == what]
+        for i, (method, curve) in enumerate(own.groupby("method")):
+            ax.loglog(
+                curve[what],
+                curve.cpu_seconds / curve.features,
+                "o-",
+                ms=4,
+                color=COLOURS[i],
+                label=method,
+            )
+        ax.set_xlabel({"pairs": "pairs N", "tasks": "tasks n", "max_seqs": "max_seqs"}[what])
+        ax.tick_params(labelsize=8)
+    axes[0, 0].set_ylabel("seconds a feature")
+    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    return fig
