@@ -275,7 +275,16 @@ class _Recorder:
             self.state = policy.initial_state(n).clone()
             self.std = torch.exp(policy.deviation()).double().numpy()
         self.before = np.zeros((n, policy.action_size))
-        self.records: list[tuple[Any, ...]] = []
+        self.rows = {
+            "observation": _Rows(policy.observation_size, np.dtype(np.float64)),
+            "action": _Rows(policy.action_size, np.dtype(np.float64)),
+            "reward": _Rows(1, np.dtype(np.float64)),
+            "episode": _Rows(1, np.dtype(np.int64)),
+            "time": _Rows(1, np.dtype(np.int64)),
+        }
+        if policy.keeps_hidden:
+            kind = np.dtype(np.float32 if policy.dtype == torch.float32 else np.float64)
+            self.rows["hidden"] = _Rows(policy.hidden_size, kind)
 
     def step(self) -> bool:
         """Act once in all worlds; whether an episode has just ended."""
@@ -291,11 +300,18 @@ class _Recorder:
         outcome = self.task.step(action)
         self._check("reward", outcome.reward)
         self._check("observation", outcome.observation)
-        hidden = state[:, : self.policy.hidden_size] if self.policy.keeps_hidden else None
-        episode = np.where(running, self.episode, -1)
-        self.records.append(
-            (self.observation, action, outcome.reward.copy(), episode, self.time.copy(), hidden)
-        )
+        new = {
+            "observation": self.observation,
+            "action": action,
+            "reward": outcome.reward[:, None],
+            "episode": self.episode[:, None],
+            "time": self.time[:, None],
+        }
+        if "hidden" in self.rows:
+            new["hidden"] = state[:, : self.policy.hidden_size].numpy()
+        everywhere = bool(running.all())
+        for name, rows in self.rows.items():
+            rows.append(new[name] if everywhere else new[name][running])
         self.time += running
         self.n_passes += 1
         self.observation = np.array(outcome.observation, dtype=np.float64)
@@ -377,31 +393,71 @@ class _Recorder:
         packing = Packing(np.array(self.lengths[:n_episodes]))
         place = np.empty(n_episodes, dtype=np.int64)
         place[packing.order] = np.arange(n_episodes)
-        rows = packing.n_steps
-        observations = np.empty((rows, self.policy.observation_size))
-        actions = np.empty((rows, self.policy.action_size))
-        rewards = np.empty(rows)
-        hidden = None
-        if self.policy.keeps_hidden:
-            hidden = torch.empty((rows, self.policy.hidden_size), dtype=self.policy.dtype)
-        n_simulated = 0
-        for observation, action, reward, episode, time, h in self.records:
-            n_simulated += int((episode >= 0).sum())
-            worlds = np.flatnonzero((episode >= 0) & (episode < n_episodes))
-            index = packing.offsets[time[worlds]] + place[episode[worlds]]
-            observations[index] = observation[worlds]
-            actions[index] = action[worlds]
-            rewards[index] = reward[worlds]
-            if hidden is not None:
-                hidden[torch.as_tensor(index)] = h[torch.as_tensor(worlds)]
+        episode, time = self.rows["episode"].all(), self.rows["time"].all()
+        target = np.full(len(episode), -1)
+        mine = episode < n_episodes
+        target[mine] = packing.offsets[time[mine]] + place[episode[mine]]
+        taken = {
+            name: self.rows[name].moved(target, packing.n_steps)
+            for name in ("observation", "action", "reward", "hidden")
+            if name in self.rows
+        }
         final = [f for f in self.final[:n_episodes] if f is not None]
         return Rollouts(
             packing=packing,
-            observations=observations,
-            actions=actions,
-            rewards=rewards,
+            observations=taken["observation"],
+            actions=taken["action"],
+            rewards=taken["reward"][:, 0],
             terminated=np.array(self.terminated[:n_episodes]),
             final_observations=np.stack(final),
-            hidden=hidden,
-            n_simulated=n_simulated,
+            hidden=torch.from_numpy(taken["hidden"]) if "hidden" in taken else None,
+            n_simulated=len(target),
         )
+
+
+class _Rows:
+    """Rows that arrive bit by bit, in blocks that go back to the system one by one.
+
+    A reservoir's states are by far the largest part of a batch.  Small arrays that stay,
+    one a step, would leave the memory between them in pieces too small to be used again.
+
+    Parameters
+    ----------
+    width
+        Entries of a row.
+    dtype
+        Their type.
+    """
+
+    BYTES = 1 << 26
+
+    def __init__(self, width: int, dtype: np.dtype[Any]) -> None:
+        self.width, self.dtype = width, dtype
+        self.capacity = max(1, self.BYTES // (width * dtype.itemsize))
+        self.blocks: list[NDArray[Any]] = []
+        self.used = self.capacity
+
+    def append(self, rows: NDArray[Any]) -> None:
+        """Add rows, shape ``(n, width)``."""
+        while len(rows):
+            if self.used == self.capacity:
+                self.blocks.append(np.empty((self.capacity, self.width), dtype=self.dtype))
+                self.used = 0
+            n = min(len(rows), self.capacity - self.used)
+            self.blocks[-1][self.used : self.used + n] = rows[:n]
+            self.used += n
+            rows = rows[n:]
+
+    def all(self) -> NDArray[Any]:
+        """All rows of width 1 so far, shape ``(rows,)``."""
+        return np.concatenate([*self.blocks[:-1], self.blocks[-1][: self.used]])[:, 0]
+
+    def moved(self, target: IntArray, n_rows: int) -> NDArray[Any]:
+        """Put every row where ``target`` says, -1 for nowhere; the blocks are given up."""
+        result = np.empty((n_rows, self.width), dtype=self.dtype)
+        for start in range(0, len(target), self.capacity):
+            block = self.blocks.pop(0)
+            index = target[start : start + self.capacity]
+            wanted = np.flatnonzero(index >= 0)
+            result[index[wanted]] = block[wanted]
+        return result
