@@ -360,8 +360,14 @@ def triangle_first(tables: Tables) -> Finding:
         f"{NAMES[m]} from {n:g} tasks" if np.isfinite(n) else f"{NAMES[m]} never"
         for m, n in by.items()
     )
+    at = _row(tables["figure-4.3"], "fs-tek", 5)
+    gap = at.mean_return - _row(tables["figure-4.3"], "fixed", 5).mean_return
     first = by["fs-tek"] < min(by["ibkr"], by["none"])
-    return _verdict(first, f"Within 2% of fixed features' return for good: {told}.")
+    return _verdict(
+        first,
+        f"Within 2% of fixed features' return for good: {told}. After five tasks FS-TEK is "
+        f"{abs(gap):.2f} {'below' if gap < 0 else 'above'} them, its best moment.",
+    )
 
 
 def triangle_all_reach(tables: Tables) -> Finding:
