@@ -44,6 +44,9 @@ STATE_LIMIT = 1e10
 PERSISTENT_WORLDS = 256
 """Up to so many worlds, each keeps its own working memory; results are the same either way."""
 
+_RESETS_DRAWN = 8
+"""For how many resets a world draws its noise at once."""
+
 _BAD_STATE = slice(mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADCTRL + 1)
 _WARNINGS = (
     "inertia",
@@ -386,8 +389,15 @@ class BatchTask:
         self._warning_counts = batch.warning[:, :, 1]
         low, high = model.actuator_ctrlrange.T
         self._ctrl_centre, self._ctrl_half = (low + high) / 2, (high - low) / 2
+        # A state row holds all that a world remembers, positions before velocities.
         self._fields.qpos[0] = self.task.robot.init_qpos
-        self._blank = batch.state[0].copy()  # all a world remembers, at the start of time
+        self._blank = batch.state[0].copy()
+        batch.state[0] = 0.0
+        self._fields.qpos[0] = RESET_POSITION_NOISE
+        self._fields.qvel[0] = RESET_VELOCITY_NOISE
+        moving = np.flatnonzero(batch.state[0])
+        self._moving = batch.state[:, moving[0] : moving[-1] + 1]
+        self._noise_scale = self._moving[0].copy()
 
     def reseed(self, seed: Seed) -> None:
         """Give every world the random streams of another seed; call :meth:`reset` next.
@@ -401,6 +411,9 @@ class BatchTask:
         """
         self._seeds = _world_seeds(seed, self.n_worlds)
         self._generators = [np.random.default_rng(_child(s, 0)) for s in self._seeds]
+        # noise of the next few resets of each world, drawn when it runs out
+        self._noise = np.empty((self.n_worlds, _RESETS_DRAWN, len(self._noise_scale)))
+        self._noise_used = np.full(self.n_worlds, _RESETS_DRAWN)
         names = self.task.sensor_names
         self._effects: list[Effect] = []
         for k, perturbation in enumerate(self.perturbations):
@@ -419,8 +432,7 @@ class BatchTask:
         self._seen = np.zeros((n, self.observation_size))
         self.steps = np.zeros(n, dtype=np.int64)
         self._returns = np.zeros(n)
-        self._terminated = np.zeros(n, dtype=bool)
-        self._truncated = np.zeros(n, dtype=bool)
+        self._flag(np.zeros(n, dtype=bool), np.zeros(n, dtype=bool))
         self._warned = np.zeros(len(_WARNINGS), dtype=np.int64)
         self._started = False
 
@@ -603,20 +615,19 @@ class BatchTask:
             If the shape is wrong, an action is NaN or infinite (unless
             ``bad_actions="end"``), or :meth:`reset` was not called first.
         """
-        wanted, within = self._check_actions(actions)
+        wanted, calm = self._check_actions(actions)
         action = np.minimum(wanted, 1.0)
         np.maximum(action, -1.0, out=action)
-        running = ~(self._terminated | self._truncated)
-        diverged = np.zeros(self.n_worlds, dtype=bool)
-        if not within.all():
-            diverged = running & ~within.all(axis=1)
+        ids, diverged = self._running, np.zeros(self.n_worlds, dtype=bool)
+        if not calm:
+            diverged |= ~(np.abs(wanted) <= ACTION_LIMIT).all(axis=1)
+            diverged[self._terminated | self._truncated] = False
             action[~np.isfinite(wanted)] = 0.0
-        moving = running & ~diverged
-        ids = self._all if moving.all() else np.flatnonzero(moving)
+            ids = ids[~diverged[ids]]
         self._act(action, ids)
-        diverged |= self._advance(ids)
-        self.steps += running
-        return self._outcome(action, running, diverged)
+        self._advance(ids, diverged)
+        self.steps[self._running] += 1
+        return self._outcome(action, diverged)
 
     def _act(self, action: FloatArray, ids: IntArray) -> None:
         """Write controls and outside forces, and change models whose time has come."""
@@ -643,9 +654,8 @@ class BatchTask:
             self._phase = phase
             self._set_models()
 
-    def _advance(self, ids: IntArray) -> BoolArray:
-        """Step the physics; return which worlds the engine could not carry on."""
-        diverged = np.zeros(self.n_worlds, dtype=bool)
+    def _advance(self, ids: IntArray, diverged: BoolArray) -> None:
+        """Step the physics; mark which worlds the engine could not carry on."""
         try:
             self._batch.step(
                 None if ids is self._all else ids,
@@ -659,18 +669,17 @@ class BatchTask:
             self._warned += counts.sum(axis=0)
             diverged |= counts[:, _BAD_STATE].any(axis=1)
             counts[:] = 0
-        for part in (self._fields.qpos, self._fields.qvel):
-            # two reductions tell whether all is well; NaN fails the comparison
-            if not (part.max() < STATE_LIMIT and part.min() > -STATE_LIMIT):
-                diverged |= ~(np.abs(part) < STATE_LIMIT).all(axis=1)
-        return diverged
+        # two reductions tell whether all is well; NaN fails the comparison
+        moving = self._moving
+        if not (moving.max() < STATE_LIMIT and moving.min() > -STATE_LIMIT):
+            diverged |= ~(np.abs(moving) < STATE_LIMIT).all(axis=1)
 
-    def _outcome(self, action: FloatArray, running: BoolArray, diverged: BoolArray) -> Step:
+    def _outcome(self, action: FloatArray, diverged: BoolArray) -> Step:
         """Observe, reward and end episodes once the physics has moved."""
         fields, n = self._fields, self.n_worlds
         with np.errstate(invalid="ignore", over="ignore"):  # of worlds that diverged
             parts = self.task.reward(fields, action)
-            terminated = self.task.terminated(fields) | diverged
+            terminated = self.task.terminated(fields)
         if self.max_episode_steps is None:
             truncated = np.zeros(n, dtype=bool)
         else:
@@ -679,34 +688,33 @@ class BatchTask:
         if self._map_edges is not None:
             low, high = self._map_edges
             place = fields.com[:, :2]
-            off_map = ~((place >= low) & (place <= high)).all(axis=1) & ~diverged & running
-            truncated |= off_map
+            off_map |= ~((place >= low) & (place <= high)).all(axis=1)
 
         reward = parts.total
         components = dict(zip(parts._fields[1:], parts[1:], strict=True))
         components["divergence"] = np.zeros(n)
-        still = diverged | ~running
-        if still.any():
+        if self._running is self._all and not diverged.any():
+            truncated |= off_map
+            self._observe(self._all)
+        else:
+            ended = self._terminated | self._truncated
+            still = diverged | ended
+            off_map[still] = False
+            terminated = np.where(ended, self._terminated, terminated | diverged)
+            truncated = np.where(ended, self._truncated, truncated | off_map)
             components["divergence"][diverged] = DIVERGENCE_REWARD
             for name in parts._fields[1:]:
                 components[name][still] = 0.0
             reward[still] = components["divergence"][still]
-            terminated = np.where(running, terminated, self._terminated)
-            truncated = np.where(running, truncated, self._truncated)
             self._observe(np.flatnonzero(~still))
-            if diverged.any():
-                self._rest(np.flatnonzero(diverged))
-        else:
-            self._observe(self._all)
+            self._batch.state[diverged] = self._blank  # where every number is finite
         self._returns += reward
-        self._terminated, self._truncated = terminated, truncated
+        self._flag(terminated, truncated)
 
         episode_return, episode_length, final = self._returns.copy(), self.steps.copy(), None
-        flags = terminated.copy(), truncated.copy()
-        ended = terminated | truncated
-        if self.autoreset and ended.any():
+        if self.autoreset and self._running is not self._all:
             final = self._seen
-            self._reset(np.flatnonzero(ended))
+            self._reset(np.flatnonzero(terminated | truncated))
         seen = self._seen.copy()
         info = Info(
             components=components,
@@ -717,35 +725,42 @@ class BatchTask:
             episode_length=episode_length,
             final_observation=final,
         )
-        return Step(seen, reward, *flags, info)
+        return Step(seen, reward, terminated.copy(), truncated.copy(), info)
 
-    def _rest(self, ids: IntArray) -> None:
-        """Put worlds that diverged back where every number is finite."""
-        self._batch.state[ids] = self._blank
+    def _flag(self, terminated: BoolArray, truncated: BoolArray) -> None:
+        """Keep which episodes have ended, and which worlds still run."""
+        self._terminated, self._truncated = terminated, truncated
+        ended = terminated | truncated
+        self._running = np.flatnonzero(~ended) if ended.any() else self._all
 
     def _reset(self, ids: IntArray) -> None:
         """Start new episodes in these worlds."""
-        robot = self.task.robot
-        noise = np.empty((len(ids), robot.nq + robot.nv))
-        for row, i in zip(noise, ids, strict=True):
-            self._generators[i].standard_normal(out=row)
         self.steps[ids] = 0
         if len(self._onsets):
             phase = self._phase.copy()
             phase[ids] = 0
             self._change_models(phase)
-        fields = self._fields
         self._batch.state[ids] = self._blank
-        fields.qpos[ids] += RESET_POSITION_NOISE * noise[:, : robot.nq]
-        fields.qvel[ids] = RESET_VELOCITY_NOISE * noise[:, robot.nq :]
-        fields.previous_action[ids] = 0.0
+        self._moving[ids] += self._noise_scale * self._draw(ids)
+        self._fields.previous_action[ids] = 0.0
         self._batch.forward(ids, stage=self._stage)
         self._returns[ids] = 0.0
-        self._terminated[ids] = self._truncated[ids] = False
+        terminated, truncated = self._terminated.copy(), self._truncated.copy()
+        terminated[ids] = truncated[ids] = False
+        self._flag(terminated, truncated)
         for effect in self._effects:
             effect.on_reset(ids)
         self._started |= len(ids) == self.n_worlds
         self._observe(ids)
+
+    def _draw(self, ids: IntArray) -> FloatArray:
+        """Standard normal numbers for a reset of these worlds, each from its own stream."""
+        for i in ids[self._noise_used[ids] == _RESETS_DRAWN]:
+            self._generators[i].standard_normal(out=self._noise[i])
+            self._noise_used[i] = 0
+        drawn = self._noise[ids, self._noise_used[ids]]
+        self._noise_used[ids] += 1
+        return drawn
 
     def _observe(self, ids: IntArray) -> None:
         """Refresh what is observed in these worlds, in new arrays."""
@@ -770,8 +785,8 @@ class BatchTask:
 
     # -- checks -----------------------------------------------------------------------
 
-    def _check_actions(self, actions: ArrayLike) -> tuple[FloatArray, BoolArray]:
-        """Actions as an array, and where they are within the author's limit."""
+    def _check_actions(self, actions: ArrayLike) -> tuple[FloatArray, bool]:
+        """Actions as an array, and whether all are within the author's limit."""
         if not self._started:
             raise ValueError("No episode has begun; call reset() before the first step.")
         wanted = np.asarray(actions, dtype=np.float64)
@@ -780,8 +795,9 @@ class BatchTask:
                 f"The actions have shape {wanted.shape}, but {self.n_worlds} worlds of "
                 f"{self.task.robot.name} need shape ({self.n_worlds}, {self.action_size})."
             )
-        within = np.abs(wanted) <= ACTION_LIMIT  # False for NaN
-        if self._raise_bad_actions and not within.all():
+        # NaN fails the comparison
+        calm = bool(wanted.max() <= ACTION_LIMIT and wanted.min() >= -ACTION_LIMIT)
+        if self._raise_bad_actions and not calm:
             bad = ~np.isfinite(wanted)
             if bad.any():
                 i, j = np.argwhere(bad)[0]
@@ -789,7 +805,7 @@ class BatchTask:
                     f"The action of world {i} holds {wanted[i, j]} at entry {j}; give finite "
                     "numbers, or bad_actions='end' to end such an episode as diverged."
                 )
-        return wanted, within
+        return wanted, calm
 
     def _check_worlds(self, worlds: ArrayLike) -> IntArray:
         """World ids, sorted, from ids or a mask."""
