@@ -133,6 +133,7 @@ def compare_parts(
     finer, coarser
         Parts of the two partitions.
     """
+    # Merging cells never explains more; a negative difference is rounding.
     observed = max(finer[0] - coarser[0], 0.0)
     spread = finer[1] - coarser[1]
     return Estimate(observed, observed - spread / n_tasks, spread, n_tasks)

@@ -178,7 +178,7 @@ def triangle_alpha(k: int, first: int = 5) -> float:
         Number of observed tasks.
     first
         The k up to which the level is 1e-4.  The formula of the text subtracts 4, but its
-        words say "up to k = 5", and only 5 gives the rates printed for five tasks.
+        words say "up to k = 5", which comes nearer to the rate printed for five tasks.
 
     Notes
     -----

@@ -125,6 +125,9 @@ class FSTEK(BackwardElimination):
     three_tasks
         With 3 tasks the curve passes through every point and has no standard error.
         ``"unsure"``, or ``"zero-width"`` for an interval of width 0.
+    straight
+        What a curve is that no exponential fits, because it falls in a straight line or
+        faster.  ``"unsure"``; or ``"remove"``, as its extrapolation falls below 0.
     max_condition
         Condition number of the Jacobian (of data scaled to span 1) above which the fit
         is unsure.
@@ -152,6 +155,7 @@ class FSTEK(BackwardElimination):
         interval: Literal["curve", "observation"] = "curve",
         flat: Literal["limit", "unsure"] = "limit",
         three_tasks: Literal["unsure", "zero-width"] = "unsure",
+        straight: Literal["unsure", "remove"] = "unsure",
         max_condition: float = MAX_CONDITION,
         keep_for_good: KeepForGood = "call",
     ) -> None:
@@ -163,6 +167,7 @@ class FSTEK(BackwardElimination):
         self.interval = interval
         self.flat = flat
         self.three_tasks = three_tasks
+        self.straight = straight
         self.max_condition = max_condition
         self.keep_for_good = keep_for_good
 
@@ -174,6 +179,7 @@ class FSTEK(BackwardElimination):
         one_of("interval", self.interval, ("curve", "observation"))
         one_of("flat", self.flat, ("limit", "unsure"))
         one_of("three_tasks", self.three_tasks, ("unsure", "zero-width"))
+        one_of("straight", self.straight, ("unsure", "remove"))
         outside = level if self.alpha_is == "significance" else 1 - level
         outside = outside / 2 if self.tail == "two-sided" else outside
         quantile = float(student.isf(outside, n - 3)) if n > 3 else 0.0
@@ -205,8 +211,10 @@ class FSTEK(BackwardElimination):
         self, feature: int, curve: FloatArray, fit: ExponentialFit | None, quantile: float
     ) -> Check:
         if fit is None:
+            falls = bool(curve[-1] < curve[0])
             reason = "the fit did not converge"
-            return Check(feature, "unsure", np.nan, np.nan, 0.0, reason, curve)
+            verdict: Verdict = "remove" if falls and self.straight == "remove" else "unsure"
+            return Check(feature, verdict, np.nan, np.nan, 0.0, reason, curve)
 
         def check(verdict: Verdict, reason: str, low: float = np.nan) -> Check:
             return Check(feature, verdict, fit.asymptote, low, 0.0, reason, curve, fit.theta)
@@ -214,7 +222,8 @@ class FSTEK(BackwardElimination):
         if fit.increasing:
             return check("keep", "the fitted curve increases")
         if fit.decay <= 0:
-            return check("unsure", "the fitted curve has no asymptote")
+            straight: Verdict = "remove" if self.straight == "remove" else "unsure"
+            return check(straight, "the fitted curve has no asymptote")
         if not fit.condition <= self.max_condition:
             return check("unsure", "the Jacobian is ill-conditioned")
         error = fit.standard_error
