@@ -46,6 +46,15 @@ def test_nothing_to_solve() -> None:
     assert found.x.tolist() == [0, 0, 0]
 
 
-def test_a_matrix_that_is_not_positive() -> None:
-    with pytest.raises(FloatingPointError, match="must be positive"):
-        conjugate_gradient(lambda v: -v, torch.ones(3))
+def test_it_stops_where_the_curvature_is_not_positive() -> None:
+    # the first direction is fine, the second is not
+    matrix = torch.diag(torch.tensor([3.0, 1.0, -1.0], dtype=torch.float64))
+    b = torch.tensor([3.0, 1.0, 1.0], dtype=torch.float64)
+    found = conjugate_gradient(lambda v: matrix @ v, b)
+    torch.testing.assert_close(found.x, b * float(b @ b / (b @ matrix @ b)))
+    torch.testing.assert_close(found.product, matrix @ found.x)
+
+
+def test_products_that_are_not_numbers() -> None:
+    with pytest.raises(FloatingPointError, match="is not a number"):
+        conjugate_gradient(lambda v: v * float("nan"), torch.ones(3))

@@ -12,7 +12,8 @@ from tests.policies.networks import (
     network,
     relative,
 )
-from thesis_lib.policies import DualLinearised, GaussianPolicy, Sequences
+from thesis_lib.policies import DTRNN, DualLinearised, GaussianPolicy, Sequences
+from thesis_lib.policies.recurrent import Recur
 
 
 def direction(policy: GaussianPolicy, seed: int = 5) -> Tensor:
@@ -128,6 +129,37 @@ def test_the_two_products_are_transposes(variant: str) -> None:
     v, u = direction(policy), weights(policy, sequences)
     left, right = float((linearised.jvp(v) * u).sum()), float(linearised.vjp(u) @ v)
     assert left == pytest.approx(right, rel=1e-12)
+
+
+def test_a_cell_must_start_from_its_state() -> None:
+    class Wrong(DTRNN):
+        def cell(self, drive: Tensor, state: Tensor, recur: Recur, *coefficients: Tensor) -> Tensor:
+            return torch.tanh(drive + recur(2 * state))
+
+    policy = Wrong(4, 2, units=3)
+    sequences, _ = block(policy)
+    with pytest.raises(ValueError, match="the first call of recur must be on h"):
+        policy.linearise(sequences)
+
+
+def test_a_network_of_your_own() -> None:
+    # the general way needs nothing but torch operations: here a layer normalisation mixes units
+    class Normalised(DTRNN):
+        def cell(self, drive: Tensor, state: Tensor, recur: Recur, *coefficients: Tensor) -> Tensor:
+            z = drive + recur(state)
+            return torch.tanh(z - z.mean(-1, keepdim=True))
+
+        def linearise(self, sequences: Sequences) -> DualLinearised:
+            return DualLinearised(self, sequences)
+
+    policy = Normalised(4, 2, units=3, dtype=torch.float64)
+    sequences, _ = block(policy)
+    v = direction(policy)
+    linearised = policy.linearise(sequences)
+    precision = torch.ones(2, dtype=torch.float64) / sequences.packing.n_steps
+    product = linearised.vjp(linearised.jvp(v) * precision)
+    product = product + policy.join({"log_std": 2 * policy.split(v)["log_std"]})
+    assert relative(product, double_backpropagation(policy, sequences, v)) < 1e-12
 
 
 @pytest.mark.parametrize("variant", ["dffwd", "ctrnn", "lstm"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -50,10 +51,16 @@ def conjugate_gradient(
     tolerance
         Stop when the squared norm of the residual falls below this.
 
+    Raises
+    ------
+    FloatingPointError
+        When a product is not a number.
+
     Notes
     -----
     Source: line 8 of algorithm 6.  The vectors are short, so that they are kept in
-    float64 whatever the number type of the network.
+    float64 whatever the number type of the network.  Where rounding in the products makes
+    a curvature negative nothing more can be learned from them, and the iteration stops.
     """
     b = b.double()
     x = torch.zeros_like(b)
@@ -65,11 +72,10 @@ def conjugate_gradient(
         along = product(direction).double()
         made += 1
         curvature = float(direction @ along)
-        if not curvature > 0:
-            raise FloatingPointError(
-                f"the curvature of the KL divergence is {curvature} in a conjugate-gradient "
-                "direction, but it must be positive; the damping may be too small."
-            )
+        if math.isnan(curvature):
+            raise FloatingPointError("a product with the Fisher matrix is not a number.")
+        if curvature <= 0:
+            break
         length = squared / curvature
         x += length * direction
         residual -= length * along
