@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from thesis_lib import potentials
 from thesis_lib.domains import Domain, episodic_cliff
-from thesis_lib.mdp import planning
 from thesis_lib.mdp.greedy import epsilon_greedy
 from thesis_lib.mdp.model import TabularMDP
 
