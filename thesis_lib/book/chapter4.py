@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from matplotlib.ticker import MaxNLocator
 
 from thesis_lib.book.style import COLOURS, PRINTED
 from thesis_lib.experiments.chapter4.protocol import SYMBOLS
@@ -94,7 +95,10 @@ def _areas(
             edge = 2.0 if prefix in bold else 0.4
             ax.add_patch(Rectangle((x, y), w, h, fc=colours(value), ec="k", lw=edge))
             if len(prefix) < 3:
-                ax.text(x + w / 2, y + h / 2, prefix, ha="center", va="center", fontsize=6)
+                ink = "w" if abs(value - 0.5) > 0.3 else "k"
+                ax.text(
+                    x + w / 2, y + h / 2, prefix, ha="center", va="center", fontsize=6, color=ink
+                )
             return
         mass = {m: sum(p for c, p in share.items() if c.startswith(prefix + m)) for m in "123"}
         total = sum(mass.values())
@@ -203,6 +207,7 @@ def returns(ax: Axes, table: pd.DataFrame, methods: Iterable[str] | None = None)
             lw=0,
         )
     ax.set_xlabel("tasks seen")
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
 
 
 def roc(
@@ -348,8 +353,10 @@ def roc_of_domains(table: pd.DataFrame) -> Figure:
         ax.set_ylabel("")
     for ax in axes.flat[len(domains) :]:
         ax.axis("off")
-    fig.supxlabel("false positive rate", fontsize=9)
-    fig.supylabel("true positive rate", fontsize=9)
+    for ax in axes[-1]:
+        ax.set_xlabel("false positive rate", fontsize=8)
+    for row in axes:
+        row[0].set_ylabel("true positive rate", fontsize=8)
     fig.legend(
         *axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8
     )
