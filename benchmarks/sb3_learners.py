@@ -1,0 +1,211 @@
+"""Learners of this library against those of sb3-contrib, side by side in one run.
+
+Same tasks (the thesis's, through Gymnasium for the peer), same networks, same number of samples
+for an update, one thread each.
+
+- DFFWD: our TRPO against ``sb3_contrib.TRPO``: samples a second of processor time end to end, and
+  with ``--curves`` the returns after ``--steps`` steps over ``--seeds`` seeds.
+- LSTM: our TRPO against ``sb3_contrib.RecurrentPPO``: samples a second.
+
+The peer keeps its own settings wherever the comparison does not need ours (value network, GAE,
+damping, learning rates); the step size and the batch are ours.
+
+    pip install sb3-contrib==2.9.2
+    python benchmarks/sb3_learners.py [--json] [--curves] [--tasks Hopper HalfCheetah]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from typing import Any
+
+import gymnasium
+import numpy as np
+import torch
+from sb3_contrib import TRPO, RecurrentPPO
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
+
+from thesis_lib.experiments.training import TrainConfig, train
+from thesis_lib.policies import make_policy
+from thesis_lib.stats import welch
+
+ENVIRONMENTS = 16
+DELTA = 0.05
+TANH = {"activation_fn": torch.nn.Tanh}
+
+
+class Returns(BaseCallback):
+    """Mean return of the episodes that ended in each batch."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.batches: list[float] = []
+        self.ended: list[float] = []
+
+    def _on_step(self) -> bool:
+        self.ended += [i["episode"]["r"] for i in self.locals["infos"] if "episode" in i]
+        return True
+
+    def _on_rollout_end(self) -> None:
+        self.batches.append(float(np.mean(self.ended)) if self.ended else np.nan)
+        self.ended = []
+
+
+def environments(task: str, seed: int) -> VecMonitor:
+    def make() -> gymnasium.Env:
+        return gymnasium.make(f"thesis/{task}-v0")
+
+    vector = VecMonitor(DummyVecEnv([make] * ENVIRONMENTS))
+    vector.seed(seed)
+    return vector
+
+
+def peer(kind: str, task: str, seed: int, batch: int) -> BaseAlgorithm:
+    vector = environments(task, seed)
+    per_world = batch // ENVIRONMENTS
+    if kind == "dffwd":
+        layers = {"pi": [100, 50, 25], "vf": [100, 50, 25]}
+        return TRPO(
+            "MlpPolicy",
+            vector,
+            n_steps=per_world,
+            target_kl=DELTA,
+            seed=seed,
+            device="cpu",
+            policy_kwargs={"net_arch": layers, **TANH},
+        )
+    units = make_policy("lstm", *vector.observation_space.shape, *vector.action_space.shape, dt=1.0)
+    return RecurrentPPO(
+        "MlpLstmPolicy",
+        vector,
+        n_steps=per_world,
+        batch_size=per_world,
+        seed=seed,
+        device="cpu",
+        policy_kwargs={"lstm_hidden_size": units.hidden_size, "net_arch": [], **TANH},
+    )
+
+
+def ours_rate(kind: str, task: str, batch: int, iterations: int) -> float:
+    config = TrainConfig(
+        task=task,
+        architecture=kind,
+        delta_kl=DELTA,
+        batch_steps=batch,
+        iterations=iterations,
+        features="full",
+    )
+    curve = train(config).curve.iloc[1:]  # the first iteration warms up
+    seconds = curve.sampling_seconds.sum() + curve.update_seconds.sum()
+    return float(np.diff(curve.steps).sum() + batch) / seconds
+
+
+def peer_rate(kind: str, task: str, batch: int, iterations: int) -> float:
+    model = peer(kind, task, 0, batch)
+    model.learn(batch)
+    start = time.process_time()
+    model.learn((iterations - 1) * batch, reset_num_timesteps=False)
+    return (iterations - 1) * batch / (time.process_time() - start)
+
+
+def rates(tasks: list[str], batch: int, iterations: int) -> list[dict[str, Any]]:
+    rows = []
+    for task in tasks:
+        for kind, name in (("dffwd", "TRPO, DFFWD"), ("lstm", "LSTM, TRPO against RecurrentPPO")):
+            mine = ours_rate(kind, task, batch, iterations)
+            theirs = peer_rate(kind, task, batch, iterations)
+            rows.append(
+                {
+                    "name": f"{name}, {task}",
+                    "ours": mine,
+                    "peer": theirs,
+                    "ratio": mine / theirs,
+                    "unit": "steps per processor s",
+                }
+            )
+    return rows
+
+
+def last(values: np.ndarray, batch: int) -> float:
+    """Mean over the last 100,000 steps."""
+    return float(np.nanmean(values[-max(1, 100_000 // batch) :]))
+
+
+def curves(tasks: list[str], batch: int, steps: int, seeds: int) -> list[dict[str, Any]]:
+    rows = []
+    for task in tasks:
+        final: dict[str, list[float]] = {"ours": [], "peer": []}
+        whole: dict[str, list[float]] = {"ours": [], "peer": []}
+        for seed in range(seeds):
+            config = TrainConfig(
+                task=task,
+                architecture="dffwd",
+                seed=seed,
+                delta_kl=DELTA,
+                batch_steps=batch,
+                iterations=steps // batch,
+            )
+            returns = train(config).curve.mean_return.to_numpy()
+            callback = Returns()
+            peer("dffwd", task, seed, batch).learn(steps, callback=callback)
+            for side, values in (("ours", returns), ("peer", np.array(callback.batches))):
+                final[side].append(last(values, batch))
+                whole[side].append(float(np.nanmean(values)))
+            print(
+                f"{task} seed {seed}: last 100,000 steps {final['ours'][-1]:.1f} against "
+                f"{final['peer'][-1]:.1f}",
+                file=sys.stderr,
+                flush=True,
+            )
+        for label, values_of in (("end", final), ("mean of the curve", whole)):
+            comparison = welch(values_of["ours"], values_of["peer"])
+            rows.append(
+                {
+                    "name": f"return, {label}, DFFWD, {task}",
+                    "ours": float(np.mean(values_of["ours"])),
+                    "peer": float(np.mean(values_of["peer"])),
+                    "ratio": float(np.mean(values_of["ours"]) / np.mean(values_of["peer"])),
+                    "unit": f"return over {seeds} seeds",
+                    "test": repr(comparison),
+                    "all": values_of,
+                }
+            )
+    return rows
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--json", action="store_true", help="print rows as JSON")
+    parser.add_argument("--curves", action="store_true", help="learning curves too (hours)")
+    parser.add_argument("--tasks", nargs="*", default=["Hopper", "HalfCheetah"])
+    parser.add_argument("--batch-steps", type=int, default=50_000)
+    parser.add_argument("--curve-batch-steps", type=int, default=10_000)
+    parser.add_argument("--iterations", type=int, default=4)
+    parser.add_argument("--steps", type=int, default=1_000_000)
+    parser.add_argument("--seeds", type=int, default=5)
+    arguments = parser.parse_args()
+    torch.set_num_threads(1)
+    rows = rates(arguments.tasks, arguments.batch_steps, arguments.iterations)
+    if arguments.curves:
+        rows += curves(
+            arguments.tasks, arguments.curve_batch_steps, arguments.steps, arguments.seeds
+        )
+    if arguments.json:
+        print(json.dumps(rows, indent=1))
+        return
+    for row in rows:
+        print(
+            f"{row['name']:46} ours {row['ours']:9.1f}  peer {row['peer']:9.1f}  "
+            f"ratio {row['ratio']:5.2f}  {row['unit']}"
+        )
+        if "test" in row:
+            print(f"    {row['test']}")
+
+
+if __name__ == "__main__":
+    main()
