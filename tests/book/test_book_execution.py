@@ -151,6 +151,17 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return paths, {task.name: task for task in tasks}, execute(tasks, paths, said.append), said
 
 
+def test_a_notebook_outside_the_table_of_contents_is_named_and_left_out(root: Path) -> None:
+    said: list[str] = []
+    (root / "_toc.yml").write_text("format: jb-book\nroot: book/intro\n")
+    build("smoke", root=root, say=said.append)
+    assert said[:3] == [
+        "notebooks/one.ipynb is not in _toc.yml, so it gets no page.",
+        "notebooks/two.ipynb is not in _toc.yml, so it gets no page.",
+        "0 notebooks at the smoke budget: 0 unchanged, 0 to execute.",
+    ]
+
+
 class TestRunning:
     def test_only_the_good_one_is_kept(self, outcome: Any) -> None:
         paths, tasks, errors, _ = outcome

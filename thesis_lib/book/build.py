@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -68,6 +69,7 @@ def build(
         started = time.perf_counter()
         tasks = {task.name: task for task in plan(paths, seed)}
         _check_names(only, tasks)
+        tasks = _listed(tasks, only, paths, say)
         if not _run(tasks, only, paths, say):
             return 1
         found = {
@@ -116,6 +118,17 @@ def _check_names(only: Sequence[str], tasks: Mapping[str, Task]) -> None:
             f"there is no notebook {', '.join(map(repr, unknown))}; choose among "
             f"{', '.join(tasks)}."
         )
+
+
+def _listed(
+    tasks: Mapping[str, Task], only: Sequence[str], paths: Paths, say: Callable[[str], None]
+) -> dict[str, Task]:
+    """The notebooks that are in the table of contents, or asked for by name."""
+    toc = (paths.root / "_toc.yml").read_text()
+    listed = {name for name in tasks if re.search(rf"\bnotebooks/{name}\b", toc)}
+    for name in sorted(set(tasks) - listed):
+        say(f"notebooks/{name}.ipynb is not in _toc.yml, so it gets no page.")
+    return {name: task for name, task in tasks.items() if name in listed or name in only}
 
 
 def _run(
@@ -178,7 +191,8 @@ def _render(paths: Paths, *, strict: bool, say: Callable[[str], None]) -> int:
 
 def _assets(paths: Paths) -> str:
     """Hash of what goes into every page: style sheets, scripts, pictures, our extensions."""
-    extensions = [Path(__file__).with_name(name) for name in ("offline.py", "thesis_numbers.py")]
+    names = ("names.py", "offline.py", "thesis_numbers.py")
+    extensions = [Path(__file__).with_name(name) for name in names]
     code = hashlib.sha256(b"".join(file.read_bytes() for file in extensions))
     return fingerprint(paths.source / "book" / "_static") + code.hexdigest()
 
