@@ -113,7 +113,7 @@ CALIBRATION: Experiment[CalibrationConfig] = Experiment(
         "high": "its high end",
         "n_runs": "samples of n tasks",
     },
-    seconds={"smoke": 1, "book": 60, "thesis": 300},
+    seconds={"smoke": 1, "book": 45, "thesis": 210},
 )
 
 
@@ -224,5 +224,5 @@ ROC: Experiment[RocConfig] = Experiment(
         "exact": "share of runs with exactly the relevant features kept",
         "n_runs": "sequences of tasks",
     },
-    seconds={"smoke": 1, "book": 90, "thesis": 220},
+    seconds={"smoke": 1, "book": 80, "thesis": 190},
 )

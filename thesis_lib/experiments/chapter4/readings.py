@@ -91,5 +91,5 @@ READINGS_COMPARED: Experiment[ReadingConfig] = Experiment(
         "tpr": "true positive rate",
         "n_runs": "sequences of tasks",
     },
-    seconds={"smoke": 1, "book": 60, "thesis": 100},
+    seconds={"smoke": 1, "book": 35, "thesis": 60},
 )

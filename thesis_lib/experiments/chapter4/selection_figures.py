@@ -167,7 +167,7 @@ FIGURE_4_3: Experiment[TriangleConfig] = Experiment(
         "thesis": TriangleConfig(),
     },
     columns=COLUMNS,
-    seconds={"smoke": 1, "book": 90, "thesis": 90},
+    seconds={"smoke": 1, "book": 50, "thesis": 50},
 )
 
 SMALL_CLIFF = Protocol(runs=2, tests=1, tasks_seen=(1, 2, 4), methods=CLIFF_METHODS)
@@ -183,7 +183,7 @@ FIGURE_4_4: Experiment[CliffConfig] = Experiment(
         "thesis": CliffConfig(),
     },
     columns=COLUMNS,
-    seconds={"smoke": 1, "book": 90, "thesis": 90},
+    seconds={"smoke": 1, "book": 95, "thesis": 95},
 )
 
 FIGURE_4_5: Experiment[CliffConfig] = Experiment(
@@ -197,7 +197,7 @@ FIGURE_4_5: Experiment[CliffConfig] = Experiment(
         "thesis": CliffConfig(target="Q_tilde"),
     },
     columns=COLUMNS,
-    seconds={"smoke": 1, "book": 90, "thesis": 90},
+    seconds={"smoke": 1, "book": 95, "thesis": 95},
 )
 
 EPISODIC: Experiment[EpisodicConfig] = Experiment(
@@ -231,5 +231,5 @@ FIGURE_4_6: Experiment[StockConfig] = Experiment(
         "thesis": StockConfig(),
     },
     columns={"global_factors": "G", **COLUMNS},
-    seconds={"smoke": 1, "book": 250, "thesis": 250},
+    seconds={"smoke": 1, "book": 350, "thesis": 350},
 )

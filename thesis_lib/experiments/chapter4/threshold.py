@@ -94,5 +94,5 @@ THRESHOLD: Experiment[ThresholdConfig] = Experiment(
         "removed": "decisions to remove among them",
         "n_decisions": "decisions compared",
     },
-    seconds={"smoke": 1, "book": 40, "thesis": 120},
+    seconds={"smoke": 1, "book": 6, "thesis": 15},
 )
