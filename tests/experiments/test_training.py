@@ -140,6 +140,15 @@ def test_feature_subsets(task: str, architecture: str, seen: int) -> None:
     assert make_run_policy(full, make_batch_task(full)).feature_size == policy.observation_size
 
 
+def test_every_run_has_a_directory_of_its_own() -> None:
+    config = TrainConfig(task="walker", terrain="hill", architecture="gru", seed=3)
+    assert training.default_directory(config).parts[-3:] == (
+        "_build",
+        "runs",
+        "walker2d-hill-gru-3",
+    )
+
+
 def test_settings_reach_the_policy() -> None:
     config = TrainConfig(
         task="walker", architecture="ctrnn", integrator="euler", time_constant=0.05, worlds=1

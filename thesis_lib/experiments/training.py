@@ -21,7 +21,13 @@ import numpy as np
 import pandas as pd
 import torch
 
-from thesis_lib.experiments.base import check_seed, environment, replacing, writable_directory
+from thesis_lib.experiments.base import (
+    check_seed,
+    environment,
+    replacing,
+    repository_root,
+    writable_directory,
+)
 from thesis_lib.locomotion import BatchTask, make_task
 from thesis_lib.locomotion.perturbations import occlusion
 from thesis_lib.locomotion.robots import ROBOTS
@@ -206,6 +212,12 @@ def table_5_1(task: str, architecture: str, quantity: str) -> float | None:
         & (table.quantity == quantity)
     ]
     return None if chosen.empty else float(chosen.value.iloc[0])
+
+
+def default_directory(config: TrainConfig) -> Path:
+    """Where a run goes unless asked otherwise; every task, terrain, net and seed has its own."""
+    name = f"{config.task}-{config.terrain}-{config.architecture}-{config.seed}".lower()
+    return repository_root() / "_build" / "runs" / name
 
 
 def step_size(config: TrainConfig) -> float:
