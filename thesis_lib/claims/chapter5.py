@@ -1,6 +1,741 @@
-"""Claims of chapter 5, and where this edition differs from it."""
+"""Claims of chapter 5, and where this edition differs from it.
 
-from thesis_lib.claims import Claim, Difference
+So far those of sections 5.1 (tasks, terrain, noise) and 5.3 (the robustness score).
+"""
 
-CLAIMS: tuple[Claim, ...] = ()
-DIFFERENCES: tuple[Difference, ...] = ()
+from __future__ import annotations
+
+import pandas as pd
+
+from thesis_lib import published
+from thesis_lib.claims import Claim, Difference, Finding, Tables, Verdict
+from thesis_lib.stats import equivalence, mean_ci, welch
+
+ALPHA = 0.05
+
+SIGNIFICANT_SHARE = 0.5
+"""Noise counts as a significant perturbation of a sensor from this share of its own standard
+deviation on: it then takes a fifth of what the sensor's variance tells."""
+
+RECOVERY_MARGIN = 0.25
+"""Ways that differ by less than this share count as equal."""
+
+RIGHT_ANGLE = 1.5707963267948966
+
+
+# ------------------------------------------------------------------------------ section 5.1
+
+
+def observation_sizes(tables: Tables) -> Finding:
+    """Entries of the observation against the printed ones, under either reading."""
+    table = tables["tasks-5.1"].set_index("robot")
+    agree = table.observation == table.observation_printed
+    told = ", ".join(f"{robot} {size}" for robot, size in table.observation.items())
+    evidence = f"The author's code gives {told}."
+    for robot in table.index[~agree]:
+        row = table.loc[robot]
+        evidence += (
+            f" The text says {row.observation_printed} for the {robot}; with the previous action, "
+            f"which recurrent networks are fed, it has {row.observation_text}."
+        )
+    return Finding(Verdict.REPRODUCED if agree.all() else Verdict.NOT_REPRODUCED, evidence)
+
+
+def links_and_joints(tables: Tables) -> Finding:
+    """Rigid bodies and actuators of the models against the printed ones."""
+    table = tables["tasks-5.1"].set_index("robot")
+    links, joints = table.links == table.links_printed, table.joints == table.joints_printed
+    evidence = f"Actuated joints agree for {joints.sum()} of {len(table)} robots, links for "
+    evidence += f"{links.sum()}."
+    for robot in table.index[~links]:
+        row = table.loc[robot]
+        evidence += f" The {robot} has {row.links} rigid bodies, not {row.links_printed}."
+    if links.all() and joints.all():
+        return Finding(Verdict.REPRODUCED, evidence)
+    return Finding(Verdict.REFUTED, evidence)
+
+
+def _plain_maps(table: pd.DataFrame, preset: str) -> pd.DataFrame:
+    return table[(table.preset == preset) & ~table.colour_map]
+
+
+def hilltop_density(tables: Tables) -> Finding:
+    """Visible hilltops per square unit against 0.3."""
+    told, near = [], []
+    for preset in ("author", "text"):
+        maps = _plain_maps(tables["terrain-5.1"], preset)
+        maps = maps[(maps.robot == "Hopper") & (maps.difficulty == 1)]
+        tops = mean_ci(maps.tops)
+        near.append(abs(tops.mean - 0.3) < 0.03)
+        told.append(f"{preset} preset {tops.mean:.3f} ± {tops.half_width:.3f} (n = {tops.n} maps)")
+    return Finding(
+        Verdict.REPRODUCED if all(near) else Verdict.NOT_REPRODUCED,
+        f"Visible hilltops per square unit: {'; '.join(told)}.",
+    )
+
+
+def height_is_difficulty(tables: Tables) -> Finding:
+    """Height of the highest hill over difficulty, by robot."""
+    maps = _plain_maps(tables["terrain-5.1"], "author")
+    ratio = (maps.highest / maps.difficulty).groupby(maps.robot).mean()
+    equal = (ratio - 1).abs() < 0.02
+    others = ratio[~equal]
+    evidence = f"The highest hill is as high as the difficulty for {', '.join(ratio.index[equal])}"
+    evidence += "".join(f"; for the {r} it is {v:.2f} times that" for r, v in others.items())
+    evidence += ". Only the narrowest hills are: the widest are half as high as the narrowest."
+    return Finding(Verdict.REPRODUCED if equal.all() else Verdict.DIRECTION, evidence)
+
+
+def higher_is_steeper(tables: Tables) -> Finding:
+    """Height and slope at difficulty 1 over those at 0.5, on the same maps."""
+    maps = _plain_maps(tables["terrain-5.1"], "author")
+    by = maps.groupby(["robot", "map", "difficulty"])[["highest", "p95_slope"]].mean()
+    ratio = by.xs(1.0, level="difficulty") / by.xs(0.5, level="difficulty")
+    both = bool((ratio > 1).all().all())
+    return Finding(
+        Verdict.REPRODUCED if both else Verdict.REFUTED,
+        f"From difficulty 0.5 to 1 height grows by a factor {ratio.highest.mean():.3f} and the "
+        f"95th percentile of the slope by {ratio.p95_slope.mean():.3f} on every one of the "
+        f"{len(ratio)} maps: the ground is scaled.",
+    )
+
+
+def joint_angle_range(tables: Tables) -> Finding:
+    """Largest joint angle seen in each robot."""
+    table = tables["noise-5.1"]
+    angles = table[table.group == "joint angle"]
+    largest = angles[["low", "high"]].abs().max(axis=1).groupby(angles.robot).max()
+    beyond = largest[largest > RIGHT_ANGLE]
+    told = ", ".join(f"{robot} {value:.2f}" for robot, value in largest.items())
+    evidence = f"Largest joint angles seen, rad, to be compared with π/2 = 1.57: {told}."
+    if beyond.empty:
+        return Finding(Verdict.REPRODUCED, evidence)
+    return Finding(
+        Verdict.REFUTED, f"{evidence} {', '.join(beyond.index)} go beyond, within their limits."
+    )
+
+
+def velocities_range_wider(tables: Tables) -> Finding:
+    """Spread of joint velocities over that of joint angles, by robot and controller."""
+    table = tables["noise-5.1"]
+    spread = table.groupby(["robot", "controller", "group"]).sd.median().unstack()
+    ratio = spread["joint velocity"] / spread["joint angle"]
+    return Finding(
+        Verdict.REPRODUCED if (ratio > 1).all() else Verdict.NOT_REPRODUCED,
+        "Numbers in rad/s spread "
+        f"{ratio.min():.1f} to {ratio.max():.1f} times as wide as numbers in rad, over "
+        f"{len(ratio)} pairs of robot and controller.",
+    )
+
+
+def sigma_is_significant(tables: Tables) -> Finding:
+    """Share of sensors whose own spread is at most twice the noise, by robot."""
+    table = tables["noise-5.1"]
+    table = table[(table.controller == "metronome") & (table.sd > 0)]
+    hit = (table.sigma / table.sd >= SIGNIFICANT_SHARE).groupby(table.robot).mean()
+    told = ", ".join(f"{robot} {share:.0%}" for robot, share in hit.items())
+    evidence = (
+        f"Sensors hit by at least {SIGNIFICANT_SHARE:g} of their own standard deviation under the "
+        f"metronome: {told}; sensors that never move are left out."
+    )
+    return Finding(
+        Verdict.REPRODUCED if (hit > 0.5).all() else Verdict.NOT_REPRODUCED,
+        evidence,
+    )
+
+
+def contacts_are_sparse(tables: Tables) -> Finding:
+    """Share of the ant's contact entries that are exactly zero."""
+    table = tables["noise-5.1"]
+    zero = table[table.group == "contact force"].groupby("controller").zero.mean()
+    told = ", ".join(f"{controller} {share:.0%}" for controller, share in zero.items())
+    return Finding(
+        Verdict.REPRODUCED if (zero > 0.5).all() else Verdict.NOT_REPRODUCED,
+        f"Share of the ant's contact entries that are exactly 0: {told}.",
+    )
+
+
+def swimmer_recovers(tables: Tables) -> Finding:
+    """How far a metronome moves the swimmer after a struggle and from a fresh start."""
+    table = tables["recovery-5.1"]
+    ways = {
+        start: group.way.to_numpy()
+        for start, group in table[table.robot == "Swimmer"].groupby("start")
+    }
+    fresh, after = mean_ci(ways["reset"]), mean_ci(ways["struggle"])
+    margin = RECOVERY_MARGIN * fresh.mean
+    test = equivalence(ways["struggle"], ways["reset"], margin)
+    worse = welch(ways["struggle"], ways["reset"])
+    evidence = (
+        f"The same metronome covers {fresh.mean:.2f} ± {fresh.half_width:.2f} m from a reset and "
+        f"{after.mean:.2f} ± {after.half_width:.2f} m after random actions (n = {fresh.n} each); "
+        f"equal within {RECOVERY_MARGIN:.0%} with p = {test.p_value:.2g}; least way after random "
+        f"actions {min(ways['struggle']):.2f} m."
+    )
+    if test.p_value < ALPHA or worse.low > -margin:
+        return Finding(Verdict.REPRODUCED, evidence)
+    if worse.high < -margin:
+        return Finding(Verdict.REFUTED, evidence)
+    return Finding(Verdict.INCONCLUSIVE, evidence)
+
+
+# ------------------------------------------------------------------------------ section 5.3
+
+
+def _score(base: float, perturbed: float, best: float) -> float:
+    """Equation 5.4 for one controller on one task pair."""
+    b, p = base / best, perturbed / best
+    return b * (1 - abs(p - b))
+
+
+def score_range(tables: Tables) -> Finding:
+    """A controller that runs backwards under the perturbation, and one that does so always."""
+    turned, backward = _score(100, -50, best=100), _score(-50, -50, best=100)
+    return Finding(
+        Verdict.REFUTED,
+        "Returns can be negative. With a best return of 100, base return 100 and perturbed return "
+        f"−50 score {turned:.2f}, and −50 twice scores {backward:.2f}; for returns from 0 to the "
+        "best the score is indeed in [0, 1].",
+    )
+
+
+def score_of_the_best(tables: Tables) -> Finding:
+    """The score is 1 exactly when both returns are the best."""
+    both = _score(100, 100, best=100)
+    least_loss = [_score(b, p, best=100) for b, p in ((99.9, 100), (100, 99.9), (99.9, 99.9))]
+    holds = both == 1 and max(least_loss) < 1
+    return Finding(
+        Verdict.REPRODUCED if holds else Verdict.REFUTED,
+        "With base and perturbed return both the best on the pair the score is "
+        f"{both:.3g}; a thousandth less in either or both gives at most {max(least_loss):.4f}.",
+    )
+
+
+def score_depends_on_others(tables: Tables) -> Finding:
+    """One controller, two competitors."""
+    alone, beside = _score(80, 60, best=80), _score(80, 60, best=200)
+    return Finding(
+        Verdict.REPRODUCED if alone != beside else Verdict.REFUTED,
+        f"Returns of 80 and 60 score {alone:.2f} if 80 is the best return and {beside:.2f} if "
+        "another controller reaches 200.",
+    )
+
+
+def self_scoring(tables: Tables) -> Finding:
+    """A poor but steady controller, scored by its own best return and by another's."""
+    own, other = _score(1, 1, best=1), _score(1, 1, best=1000)
+    return Finding(
+        Verdict.REPRODUCED if own == 1 and other < 0.01 else Verdict.REFUTED,
+        f"Returns of 1 and 1 score {own:.3g} by the controller's own best and {other:.3g} beside a "
+        "best of 1000.",
+    )
+
+
+def slowing_beats_turning(tables: Tables) -> Finding:
+    """Half speed, standing or turning aside, and going back, after a good base run."""
+    slow, aside, back = (_score(100, p, best=100) for p in (50, 0, -50))
+    return Finding(
+        Verdict.REPRODUCED if slow > aside > back else Verdict.REFUTED,
+        f"After a base return of 100, half the speed on the hills scores {slow:.2f}, moving at "
+        f"right angles {aside:.2f} and moving back {back:.2f}.",
+    )
+
+
+CLAIMS: tuple[Claim, ...] = (
+    Claim(
+        "5.1-observation-sizes",
+        "5.1.1",
+        "Observations have 22 (Swimmer), 20 (Hopper), 21 (Walker), 20 (Half-Cheetah) and 125 "
+        "(Ant) entries.",
+        ("tasks-5.1",),
+        "All five sizes equal those of the author's code.",
+        observation_sizes,
+    ),
+    Claim(
+        "5.1-links-joints",
+        "5.1.1",
+        "The robots have 3, 4, 7, 9 and 13 rigid links and 2, 3, 6, 6 and 8 actuated joints "
+        "(Swimmer, Hopper, Walker, Half-Cheetah, Ant).",
+        ("tasks-5.1",),
+        "Bodies and actuators of all five models are as many as stated.",
+        links_and_joints,
+    ),
+    Claim(
+        "5.1-hilltop-density",
+        "5.1",
+        "The terrain has 0.3 hilltops per square unit on average.",
+        ("terrain-5.1",),
+        "Hilltops counted on maps of both presets are within 10% of 0.3 per square unit.",
+        hilltop_density,
+    ),
+    Claim(
+        "5.1-height-difficulty",
+        "5.1",
+        "The hills' height equals the difficulty.",
+        ("terrain-5.1",),
+        "The highest hill of the author's terrain is within 2% of the difficulty, for every robot.",
+        height_is_difficulty,
+    ),
+    Claim(
+        "5.1-steepness-difficulty",
+        "5.1",
+        "A higher difficulty means higher and steeper hills.",
+        ("terrain-5.1",),
+        "Height and 95th percentile of slope are larger at difficulty 1 than at 0.5 on every map.",
+        higher_is_steeper,
+    ),
+    Claim(
+        "5.1-joint-angles",
+        "5.1",
+        "Joint angles take values between −π/2 and π/2.",
+        ("noise-5.1",),
+        "No joint angle beyond ±π/2 is seen in any robot.",
+        joint_angle_range,
+    ),
+    Claim(
+        "5.1-joint-velocities",
+        "5.1",
+        "Joint angular velocities range wider than joint angles.",
+        ("noise-5.1",),
+        "The median standard deviation of joint velocities exceeds that of joint angles in every "
+        "robot under both controllers.",
+        velocities_range_wider,
+    ),
+    Claim(
+        "5.1-sigma-significant",
+        "5.1",
+        "Noise of standard deviation 1 is a significant perturbation for most sensors.",
+        ("noise-5.1",),
+        "In every robot more than half of the sensors get noise of at least half their own "
+        "standard deviation under a moving controller.",
+        sigma_is_significant,
+        headline=True,
+    ),
+    Claim(
+        "5.1-swimmer-recovers",
+        "5.1.1",
+        "The swimmer has no irrecoverable states in which it gets stuck.",
+        ("recovery-5.1",),
+        "After 200 random steps a fixed gait covers as much ground as from a fresh start, within "
+        "25% (two one-sided tests) or more.",
+        swimmer_recovers,
+    ),
+    Claim(
+        "5.1-contacts-sparse",
+        "5.1.1",
+        "The ant's vector of contact forces is usually sparse.",
+        ("noise-5.1",),
+        "More than half of its entries are exactly 0 under both controllers.",
+        contacts_are_sparse,
+    ),
+    Claim(
+        "5.3-score-range",
+        "5.3",
+        "The robustness score lies in [0, 1].",
+        (),
+        "Equation 5.4 stays in [0, 1] for all returns the tasks can give.",
+        score_range,
+    ),
+    Claim(
+        "5.3-score-one",
+        "5.3",
+        "The best controller on a task pair scores 1 if the perturbation does not affect it.",
+        (),
+        "Equation 5.4 gives 1 for two best returns and less for any smaller one.",
+        score_of_the_best,
+    ),
+    Claim(
+        "5.3-score-others",
+        "5.3",
+        "A controller's score depends partly on the other controllers.",
+        (),
+        "Equation 5.4 gives one pair of returns different scores beside different competitors.",
+        score_depends_on_others,
+    ),
+    Claim(
+        "5.3-self-scoring",
+        "5.3",
+        "Scored by its own best, a poor controller that is equally poor under perturbation would "
+        "get a high score.",
+        (),
+        "Equation 5.4 gives such a controller 1 by its own best and under 0.01 beside a good one.",
+        self_scoring,
+    ),
+    Claim(
+        "5.3-slowing",
+        "5.3",
+        "Slowing down on a hill scores better than moving on smoothly sideways or backwards.",
+        (),
+        "Equation 5.4 orders them so.",
+        slowing_beats_turning,
+    ),
+)
+
+
+# ------------------------------------------------------------------------------ differences
+
+
+def _cheetah_cost(tables: Tables) -> str:
+    table = tables["baseline-5.1"]
+    table = table[(table.robot == "HalfCheetah") & (table.ground == "plane")]
+    cost = -table.control.mean()
+    return (
+        "At most 0.27 a step, for full torque on all six joints. The untrained controller pays "
+        f"{cost:.0f} in 500 steps here and {cost / 10:.0f} by the text."
+    )
+
+
+def _start_patch(tables: Tables) -> str:
+    table = tables["starts-5.1"]
+    table = table[table.difficulty.isin([0.0, 1.0])]
+    depth = table.groupby(["patch", "robot"]).depth.max().unstack()
+    ground = table[table.patch == "author"].ground.max()
+    ours = (depth.loc["centred"] - depth.loc["flat floor"]).abs().max()
+    told = ", ".join(f"{robot} {100 * d:.0f}" for robot, d in depth.loc["author"].items())
+    return (
+        f"Beside the author's patch the ground under the robot reaches {ground:.2f} m at "
+        f"difficulty 1, and the deepest contact at a reset is, in cm: {told}. On the centred patch "
+        f"it differs from the flat floor's by {1000 * ours:.1f} mm."
+    )
+
+
+def _terrain_scale(tables: Tables) -> str:
+    table = tables["terrain-5.1"]
+    at = (table.robot == "Hopper") & (table.difficulty == 1) & ~table.colour_map
+    slopes = table[at].groupby("preset")[["p95_slope", "steepest_flank"]].mean()
+    author, text = slopes.loc["author"], slopes.loc["text"]
+    return (
+        f"At difficulty 1 the 95th percentile of the slope is {author.p95_slope:.2f} with the "
+        f"author's numbers and {text.p95_slope:.2f} with the text's taken in metres; the steepest "
+        f"flank {author.steepest_flank:.2f} and {text.steepest_flank:.2f}, which none of these "
+        "robots can climb."
+    )
+
+
+def _colour_map(tables: Tables) -> str:
+    table = tables["terrain-5.1"]
+    at = (table.robot == "Hopper") & (table.difficulty == 1) & (table.preset == "author")
+    by = table[at].groupby("colour_map")[["median_height", "p95_slope"]].mean()
+    return (
+        f"Median height {by.loc[True, 'median_height']:.2f} m in place of "
+        f"{by.loc[False, 'median_height']:.2f} m, 95th percentile of slope "
+        f"{by.loc[True, 'p95_slope']:.2f} in place of {by.loc[False, 'p95_slope']:.2f} "
+        "(Hopper, difficulty 1)."
+    )
+
+
+def _flat_field(tables: Tables) -> str:
+    table = tables["metronome-5.4"]
+    table = table[table.robot.isin(["HalfCheetah", "Ant"])]
+    by = table.groupby(["robot", "condition"])["return"].mean().unstack()
+    told = "; ".join(
+        f"{robot} {row['regular']:.0f} on the plane, {row['flat field']:.0f} on a flat height field"
+        for robot, row in by.iterrows()
+    )
+    return (
+        "A height field of height 0 makes several times as many contacts as a plane. The same "
+        f"gaits earn in 1000 steps: {told}. Here the ground before the switch is the plane itself."
+    )
+
+
+def _valleys(tables: Tables) -> str:
+    maps = _plain_maps(tables["terrain-5.1"], "author")
+    low = maps[maps.robot == "Hopper"].groupby("difficulty").below_floor.mean()
+    told = " and ".join(f"{share:.1%} at difficulty {d:g}" for d, share in low.items())
+    return f"Ground that deep is {told} of the hopper's maps."
+
+
+def _divergences(tables: Tables) -> str:
+    table = tables["baseline-5.1"]
+    return (
+        f"{int((table.divergence != 0).sum())} of {len(table)} episodes of the baseline diverged."
+    )
+
+
+def _way_of_the_best(tables: Tables) -> str:
+    tasks = tables["tasks-5.1"].set_index("robot")
+    printed = published.load("table-c.1")
+    told = []
+    for name, task in (("Hopper", "hopper"), ("Ant", "ant")):
+        best = printed[(printed.task == task) & (printed.trained_on == "flat")].value.max()
+        # Forward velocity is summed over steps, so a return of R is R / rate metres.
+        way = (best - 1000 * tasks.loc[name, "alive_bonus"]) / tasks.loc[name, "control_hz"]
+        told.append(f"{way:.0f} m ({name})")
+    return (
+        f"The best printed returns on flat ground mean ways of at least {' and '.join(told)} in "
+        "1000 steps, off the author's maps."
+    )
+
+
+def _swimmer_after_hills(tables: Tables) -> str:
+    printed, switch = published.load("table-c.1"), published.load("table-c.3")
+    at = {
+        name: t[(t.task == "swimmer") & (t.trained_on == "hill")].value
+        for name, t in (("regular", printed), ("switch", switch))
+    }
+    return (
+        f"The printed swimmers trained on hills earn {at['regular'].min():.0f} to "
+        f"{at['regular'].max():.0f} in this test and {at['switch'].min():.0f} to "
+        f"{at['switch'].max():.0f} where hills come after the switch."
+    )
+
+
+DIFFERENCES: tuple[Difference, ...] = (
+    Difference(
+        "5.1-engine",
+        "5.1",
+        "Physics engine",
+        "MuJoCo; the author's code loads version 1.31.",
+        "MuJoCo 4.0, with the author's timesteps, integrators, contact softness, friction, gears "
+        "and joints set on Gymnasium's models. Masses and inertias are the same.",
+        "`thesis_lib.locomotion.robots`",
+        "Where the author's files load in 4.0, trajectories agree to rounding. What 1.31 computed "
+        "differently (its solver, contact defaults it does not state) cannot be tested any more.",
+    ),
+    Difference(
+        "5.1-rates",
+        "5.1",
+        "Control rate",
+        "Not stated.",
+        "The author's: 40 (Swimmer), 50 (Hopper, Ant), 100 (Half-Cheetah) and 200 actions a second "
+        "(Walker), which is also the step of the continuous-time networks.",
+        "`ROBOTS[name].timestep`, `frame_skip`",
+        "500 steps last between 2.5 and 12.5 seconds. Gymnasium's own tasks run at 20 to 125 "
+        "actions a second, so returns do not compare.",
+    ),
+    Difference(
+        "5.1-walker-friction",
+        "5.1",
+        "The walker's feet",
+        "Not stated.",
+        "Friction 0.9 on the right foot and 1.9 on the left, as in the author's model and "
+        "Gymnasium's `walker2d.xml`; Gymnasium's current default has 1.9 on both.",
+        "`ROBOTS['Walker2d'].xml`",
+        "The walker limps a little by design.",
+    ),
+    Difference(
+        "5.1-com",
+        "5.1.1",
+        "Forward velocity",
+        '"Forward velocity", and "coordinates of the center of mass".',
+        "Velocity and position of the whole robot's centre of mass, both at the state after the "
+        "step, as in the author's code.",
+        "`Task.reward`",
+        "Gymnasium's tasks use the displacement of the torso, which swings about the centre of "
+        "mass within a stride.",
+    ),
+    Difference(
+        "5.1-cheetah-cost",
+        "5.1.1",
+        "The half-cheetah's control cost",
+        "0.005 per squared action.",
+        "0.05, as in the author's code and, by all we know, in Duan et al.",
+        "`make_task('HalfCheetah', reading='text')` or `control_cost=`",
+        _cheetah_cost,
+        ("baseline-5.1",),
+    ),
+    Difference(
+        "5.1-hopper-alive",
+        "5.1.1",
+        "The hopper's alive bonus",
+        "0.1 instead of Duan et al.'s 1.",
+        "0.1 everywhere. The author's class gives 1 unless told otherwise.",
+        "`make_task('Hopper', reading='duan')` or `alive_bonus=`",
+        "450 in an episode of 500 steps, for standing.",
+    ),
+    Difference(
+        "5.1-swimmer-observation",
+        "5.1.1",
+        "The swimmer's observation",
+        "22 entries.",
+        "20 entries, as in the author's code. 22 is what a recurrent network sees, which is also "
+        "fed its last action.",
+        "`make_task('Swimmer', reading='text')`",
+        "Two redundant entries for a recurrent network; two useful ones for a feedforward one.",
+    ),
+    Difference(
+        "5.1-raw-observations",
+        "5.1.1",
+        "Scaling of observations",
+        "Not stated.",
+        "None, as in the author's code: every task shows the absolute x of the centre of mass, and "
+        "the ant all 84 contact entries, of which the first six, the world's own, are always 0.",
+        "`SensorSubset` to hide entries",
+        "A test of 1000 steps leads to values of x no episode of 500 steps has shown; noise of "
+        "standard deviation 1 is nothing to x and everything to an angle.",
+    ),
+    Difference(
+        "5.1-reset",
+        "5.1.1",
+        "Starting states",
+        "Not stated.",
+        "Normal noise of standard deviation 0.01 on every position and 0.1 on every velocity, as "
+        "in the author's code, also on the entries of a quaternion, which the first observation "
+        "therefore shows a little off unit length.",
+        "`RESET_POSITION_NOISE`, `RESET_VELOCITY_NOISE`",
+        "Gymnasium's tasks start with less or more, depending on the robot.",
+    ),
+    Difference(
+        "5.1-termination-tests",
+        "5.1.1",
+        "Termination in tests",
+        "The limits of training; whether they hold in tests is not said.",
+        "Both are offered. The author's code has a test mode that nothing in it switches on: no "
+        "limit for the ant, none on the walker's height, wider ones for the hopper.",
+        "`make_task(name, termination='train' | 'test' | 'never')`",
+        "Heights are absolute. With training limits a walker that stands 1.25 m high ends on a "
+        "hill of 0.75 m, and an ant that stands 0.55 m high on one of 0.45 m.",
+    ),
+    Difference(
+        "5.1-divergence",
+        "5.1",
+        "Diverging worlds",
+        "Not stated.",
+        "A world whose state or action stops being a sensible number ends with reward −1000, as in "
+        "the author's sampler, and a flag; the others go on.",
+        "`DIVERGENCE_REWARD`, `info.diverged`",
+        _divergences,
+        ("baseline-5.1",),
+    ),
+    Difference(
+        "5.1-terrain-scale",
+        "5.1",
+        "Size of the hills",
+        "0.3 hilltops per square unit, variances from 0.1 to 0.2, height equal to the difficulty; "
+        "units are not named.",
+        "The author's numbers: 0.3125 hilltops per square unit, variances from 0.4 to 0.8, and a "
+        "unit of 2 m (2.5 m for the half-cheetah and the ant).",
+        "`hills(..., preset='text')`",
+        _terrain_scale,
+        ("terrain-5.1",),
+    ),
+    Difference(
+        "5.1-terrain-envelope",
+        "5.1",
+        "How hills join",
+        "A mixture of Gaussians.",
+        "The highest of them at each place, as in the author's code, not their sum. A hill is as "
+        "high as its density, so that wide hills are low.",
+        "`thesis_lib.locomotion.terrain.HillLaw`",
+        "With a sum, overlapping hills would tower above the others, and dividing by the highest "
+        "would leave most of the ground lower.",
+    ),
+    Difference(
+        "5.1-terrain-swimmer",
+        "5.1",
+        "The swimmer's hills",
+        "Height equals difficulty.",
+        "Half the difficulty, as in the author's code.",
+        "`PRESETS['author'].height`",
+        "The text's preset gives the swimmer hills of full height.",
+    ),
+    Difference(
+        "5.1-terrain-colours",
+        "5.1",
+        "Hills as pictures",
+        "Not stated.",
+        "Heights are numbers. The author's code drew the map in a colour scale and the simulator "
+        "read the red channel, which flattens valleys and steepens flanks.",
+        "`hills(..., colour_map=True)`",
+        _colour_map,
+        ("terrain-5.1",),
+    ),
+    Difference(
+        "5.1-terrain-valleys",
+        "5.1",
+        "Level of the valleys",
+        "Not stated.",
+        "Valleys reach 0.1 m below the flat floor (the swimmer's do not), as in the author's code, "
+        "but robots start at floor level. After a switch, valleys deeper than the floor are filled "
+        "to it.",
+        "`hills(..., valley=)`",
+        _valleys,
+        ("terrain-5.1",),
+    ),
+    Difference(
+        "5.1-terrain-patch",
+        "5.1",
+        "Where robots start on hills",
+        "Not stated.",
+        "On a flat square of 4 m centred under the robot, blended into the hills no more steeply "
+        "than a hill. The author's code clears a box beside the robot.",
+        "`hills(..., flat_patch='author')`",
+        _start_patch,
+        ("starts-5.1",),
+    ),
+    Difference(
+        "5.1-terrain-extent",
+        "5.1",
+        "Size of the map",
+        "Not stated.",
+        "As far as 1000 steps can lead, 60 to 120 m ahead; the author's maps end 40 or 50 m ahead "
+        "of the start. A robot that leaves its map ends its episode with a flag.",
+        "`hills(..., extent='author')`, `info.off_map`",
+        _way_of_the_best,
+        ("tasks-5.1",),
+    ),
+    Difference(
+        "5.1-terrain-switch",
+        "5.4",
+        "Where the terrain switches",
+        "At a task-dependent position.",
+        "At 2 m for the swimmer and the walker and at 5 m for the others: about a tenth of the way "
+        "of a good controller, as the noise begins after a tenth of the steps, but never under the "
+        "robot. The published code has no switch.",
+        "`TerrainSwitch(switch_at=)`, `SWITCH_AT`",
+        "Returns under the switch scale with the way before it; compare them between controllers, "
+        "not with the printed ones.",
+    ),
+    Difference(
+        "5.1-flat-field",
+        "5.4",
+        "Flat ground in a switch test",
+        "Not stated.",
+        "The flat task's own plane, through which the hills rise after the switch.",
+        "`TerrainSwitch`; `hills(0.0, ...)` is the flat height field",
+        _flat_field,
+        ("metronome-5.4",),
+    ),
+    Difference(
+        "5.1-terrain-maps",
+        "5.4",
+        "Maps seen in training",
+        "Not stated for training; the same 20 random terrains for every network in tests.",
+        "One fixed map a run for every network by default, decided by the run's seed, as the "
+        "author's sampler gave all but the LSTM; any number of maps can be asked for. Tests: world "
+        "i gets map i of a seed that is part of the test.",
+        "`BatchTask(terrain=)`, `hill_maps(n, ...)`, `TerrainSwitch(seed=)`",
+        "A network may learn one map by heart; absolute x is among its inputs.",
+    ),
+    Difference(
+        "5.1-noise",
+        "5.4",
+        "What noise falls on",
+        "All sensors, from step 100 on.",
+        "What the policy sees from the observation of step 100 on, in each sensor's own unit. "
+        "Rewards, termination and the fed-back action stay true. The published code has a noise "
+        "wrapper without a starting step.",
+        "`WhiteNoise(sigma=1.0, onset=100)`",
+        "One number means very different things to different sensors; the chapter measures it.",
+    ),
+    Difference(
+        "5.1-subsets",
+        "Table 5.1",
+        "Sensors of recurrent networks on Hopper and Swimmer",
+        "A subset without angular velocities; feedforward networks see everything.",
+        "The 11 and 5 entries of the author's code that fit these words. The subset its launcher "
+        "would choose for the hopper today has 17 entries, angular velocities included.",
+        "`occlusion(robot, 'text' | 'code')`",
+        "On these two tasks recurrent networks face partial observability that feedforward ones "
+        "are spared.",
+    ),
+    Difference(
+        "5.1-regular-test",
+        "5.4",
+        "The regular test of controllers trained on hills",
+        "Section 5.4: the task they were trained on; captions of Tables 5.3 and C.1: flat terrain.",
+        "Flat terrain, which fits the printed returns.",
+        "`BatchTask(terrain=None)`",
+        _swimmer_after_hills,
+    ),
+)

@@ -265,8 +265,8 @@ def dress(spec: mujoco.MjSpec) -> None:
         name="grid",
         type=mujoco.mjtTexture.mjTEXTURE_2D,
         builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
-        rgb1=[0.86, 0.88, 0.84],
-        rgb2=[0.74, 0.78, 0.72],
+        rgb1=[0.88, 0.9, 0.86],
+        rgb2=[0.76, 0.8, 0.74],
         width=256,
         height=256,
     )
@@ -286,12 +286,12 @@ def dress(spec: mujoco.MjSpec) -> None:
         mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM,
         pos=[-3.5, -2.5, 4],
         dir=[0.7, 0.5, -0.8],
-        diffuse=[0.6, 0.6, 0.6],
+        diffuse=[0.75, 0.75, 0.75],
         specular=[0.1, 0.1, 0.1],
         castshadow=True,
     )
-    spec.visual.headlight.ambient = [0.45, 0.45, 0.45]
-    spec.visual.headlight.diffuse = [0.25, 0.25, 0.25]
+    spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
+    spec.visual.headlight.diffuse = [0.15, 0.15, 0.15]
     spec.visual.headlight.specular = [0, 0, 0]
     spec.visual.quality.shadowsize = 4096
 
