@@ -9,10 +9,15 @@ know every chapter without making each notebook depend on all of them.
 from __future__ import annotations
 
 import ast
+import threading
 from collections.abc import Iterable
 from pathlib import Path
 
 PACKAGE = "thesis_lib"
+
+_ONE_AT_A_TIME = threading.Lock()
+"""Up to Python 3.11.7 two threads that parse at once can end in a SystemError
+(python/cpython#106905), and notebooks are executed two at a time."""
 
 
 def module_file(name: str, root: Path) -> Path | None:
@@ -54,7 +59,9 @@ def imported(source: str, package: str = "") -> set[str]:
         If the source is not Python.
     """
     names: set[str] = set()
-    for node in ast.walk(ast.parse(source)):
+    with _ONE_AT_A_TIME:
+        tree = ast.parse(source)
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
