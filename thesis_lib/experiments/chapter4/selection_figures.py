@@ -170,6 +170,7 @@ FIGURE_4_3: Experiment[TriangleConfig] = Experiment(
     seconds={"smoke": 1, "book": 50, "thesis": 50},
 )
 
+BOOK_CLIFF = replace(CliffConfig().protocol, runs=200)
 SMALL_CLIFF = Protocol(runs=2, tests=1, tasks_seen=(1, 2, 4), methods=CLIFF_METHODS)
 
 FIGURE_4_4: Experiment[CliffConfig] = Experiment(
@@ -179,11 +180,11 @@ FIGURE_4_4: Experiment[CliffConfig] = Experiment(
     function=run_cliff,
     budgets={
         "smoke": CliffConfig(protocol=SMALL_CLIFF),
-        "book": CliffConfig(),
+        "book": CliffConfig(protocol=BOOK_CLIFF),
         "thesis": CliffConfig(),
     },
     columns=COLUMNS,
-    seconds={"smoke": 1, "book": 95, "thesis": 95},
+    seconds={"smoke": 1, "book": 40, "thesis": 95},
 )
 
 FIGURE_4_5: Experiment[CliffConfig] = Experiment(
@@ -193,11 +194,11 @@ FIGURE_4_5: Experiment[CliffConfig] = Experiment(
     function=run_cliff,
     budgets={
         "smoke": CliffConfig(target="Q_tilde", protocol=SMALL_CLIFF),
-        "book": CliffConfig(target="Q_tilde"),
+        "book": CliffConfig(target="Q_tilde", protocol=BOOK_CLIFF),
         "thesis": CliffConfig(target="Q_tilde"),
     },
     columns=COLUMNS,
-    seconds={"smoke": 1, "book": 95, "thesis": 95},
+    seconds={"smoke": 1, "book": 40, "thesis": 95},
 )
 
 EPISODIC: Experiment[EpisodicConfig] = Experiment(
@@ -227,9 +228,9 @@ FIGURE_4_6: Experiment[StockConfig] = Experiment(
     function=run_figure_4_6,
     budgets={
         "smoke": StockConfig(global_factors=(1, 4), protocol=SMALL),
-        "book": StockConfig(),
+        "book": StockConfig(protocol=Protocol(runs=100)),
         "thesis": StockConfig(),
     },
     columns={"global_factors": "G", **COLUMNS},
-    seconds={"smoke": 1, "book": 350, "thesis": 350},
+    seconds={"smoke": 1, "book": 70, "thesis": 350},
 )
