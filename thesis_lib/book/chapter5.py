@@ -205,11 +205,11 @@ def task_table(table: pd.DataFrame) -> pd.DataFrame:
         {
             "task": table.robot,
             "mass [kg]": table.mass,
-            "links (printed)": _beside(table.links, table.links_printed),
-            "motors (printed)": _beside(table.joints, table.joints_printed),
-            "observation (printed)": _beside(table.observation, table.observation_printed),
-            "actions a second": table.control_hz.round().astype(int),
-            "500 steps [s]": table.episode_s,
+            "links": _beside(table.links, table.links_printed),
+            "motors": _beside(table.joints, table.joints_printed),
+            "sensors": _beside(table.observation, table.observation_printed),
+            "rate [Hz]": table.control_hz.round().astype(int),
+            "episode [s]": table.episode_s,
         }
     )
 
@@ -257,13 +257,13 @@ def baseline_table(table: pd.DataFrame) -> pd.DataFrame:
     wide = made.pivot(index="task", columns="ground", values="return")
     wide = wide.loc[made.task.unique(), made.ground.unique()]
     plane = made[made.ground == "plane"].set_index("task")
-    wide.insert(0, "steps on the plane", plane.steps)
+    wide.insert(0, "steps, plane", plane.steps)
     wide["n"] = plane.n
     return wide.replace("-", "−", regex=True).reset_index()
 
 
 def metronome_table(table: pd.DataFrame) -> pd.DataFrame:
-    """The metronome's 1000-step returns beside the range the seven printed networks span."""
+    """The metronomes' 1000-step returns and, in brackets, the range of the printed networks."""
     conditions = {"regular": "table-c.1", "noise": "table-c.2", "switch": "table-c.3"}
     records = []
     for robot in ROBOTS:
@@ -271,10 +271,10 @@ def metronome_table(table: pd.DataFrame) -> pd.DataFrame:
         for condition, name in conditions.items():
             own = table[(table.robot == robot) & (table.condition == condition)]
             by_search = own.groupby("search")["return"].mean()
-            row[condition] = " and ".join(f"{v:.0f}" for v in by_search).replace("-", "−")
             printed = published.load(name)
             values = printed[(printed.task == NAMES[robot]) & (printed.trained_on == "flat")].value
-            row[f"{condition}, printed"] = f"{values.min():.0f} to {values.max():.0f}"
+            ours = ", ".join(f"{v:.0f}" for v in by_search).replace("-", "−")
+            row[condition] = f"**{ours}** ({values.min():.0f}–{values.max():.0f})"
         records.append(row)
     return pd.DataFrame(records)
 
@@ -285,8 +285,8 @@ def perturbation_table() -> pd.DataFrame:
     for name, kind in vars(perturbations).items():
         if inspect.isclass(kind) and issubclass(kind, Base) and kind is not Base:
             first = inspect.getdoc(kind).split("\n\n")[0]  # type: ignore[union-attr]
-            fields = ", ".join(f"`{f.name}`" for f in dataclasses.fields(kind))  # type: ignore[arg-type]
-            records.append({"object": f"`{name}`", "what it does": first, "settings": fields})
+            fields = ", ".join(f.name for f in dataclasses.fields(kind))  # type: ignore[arg-type]
+            records.append({"object": name, "what it does": first, "settings": fields})
     return pd.DataFrame(records)
 
 
@@ -375,7 +375,7 @@ def score_table(table: pd.DataFrame, robots: Sequence[str]) -> pd.DataFrame:
                     "metronome": scores[-1],
                     "best network": scores[best],
                     "which": networks[best],
-                    "metronome's rank of 8": int((scores > scores[-1]).sum()) + 1,
+                    "rank of 8": int((scores > scores[-1]).sum()) + 1,
                 }
             )
     return pd.DataFrame(records)
