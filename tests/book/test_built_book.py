@@ -20,11 +20,8 @@ from thesis_lib.book.paths import Paths
 pytestmark = pytest.mark.timeout(1500)  # the first test builds the book
 
 ROOT = Path(__file__).resolve().parents[2]
-NOTEBOOKS = sorted(path.stem for path in (ROOT / "notebooks").glob("*.ipynb"))
-PAGES = sorted(
-    [f"notebooks/{name}" for name in NOTEBOOKS]
-    + re.findall(r"(?:root|file): (book/\S+)", (ROOT / "_toc.yml").read_text())
-)
+PAGES = sorted(re.findall(r"(?:root|file): (\S+)", (ROOT / "_toc.yml").read_text()))
+NOTEBOOKS = [page.partition("/")[2] for page in PAGES if page.startswith("notebooks/")]
 
 
 @pytest.fixture(scope="module")
@@ -54,8 +51,8 @@ def test_every_notebook_ran_at_smoke(html: Path) -> None:
 def test_a_second_build_executes_nothing_and_rebuilds_nothing(html: Path) -> None:
     said: list[str] = []
     assert build("smoke", say=said.append) == 0
-    assert said[0].endswith(f"{len(NOTEBOOKS)} unchanged, 0 to execute.")
-    assert said[1] == "No page changed."
+    assert any(line.endswith(f"{len(NOTEBOOKS)} unchanged, 0 to execute.") for line in said)
+    assert "No page changed." in said
 
 
 def test_opens_at_the_front_page(html: Path) -> None:
@@ -112,7 +109,7 @@ class TestPage:
         assert (html / f"{name}.html").stat().st_size < 600_000
 
 
-@pytest.mark.parametrize("name", [page for page in PAGES if page.startswith("notebooks/")])
+@pytest.mark.parametrize("name", [f"notebooks/{name}" for name in NOTEBOOKS])
 def test_chapter_says_that_its_values_mean_nothing(html: Path, name: str) -> None:
     assert "shapes, not values" in page(html, name).get_text()
 

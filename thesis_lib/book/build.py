@@ -160,41 +160,49 @@ def _shows(run: Run, task: Task) -> bool:
 
 
 def _render(paths: Paths, *, strict: bool, say: Callable[[str], None]) -> int:
-    """Run Sphinx, unless the pages are those of the staged book already."""
+    """Run Sphinx, unless the pages are those of the staged book already.
+
+    A book is made afresh, beside the last one, and takes its place when it is whole: when
+    Sphinx brings pages up to date, it leaves some citations pointing nowhere, does not copy a
+    changed style sheet, and keeps silent about what it warned of before.  A draft lives with
+    that, and is quicker.
+    """
+    if not strict:
+        return _sphinx(paths, paths.html, strict=False, say=say)
     stamp, search = paths.html / _STAMP, paths.html / "searchindex.js"
-    pages, assets = fingerprint(paths.source), _assets(paths)
-    made = json.loads(stamp.read_text()) if stamp.exists() else {}
-    if made.get("assets") != assets:
-        # Sphinx would neither copy a changed style sheet nor notice a changed extension.
-        shutil.rmtree(paths.doctrees, ignore_errors=True)
-        shutil.rmtree(paths.html, ignore_errors=True)
-    elif not search.exists() or made["written"] != search.stat().st_mtime_ns:
-        # Not as we left it: a bare `jupyter-book build .` writes to the same place.
-        shutil.rmtree(paths.html, ignore_errors=True)
-    elif made["pages"] == pages:
+    made = json.loads(stamp.read_text()) if stamp.exists() and search.exists() else {}
+    made_from = fingerprint(paths.source) + _extensions()
+    # A bare `jupyter-book build .` writes to the same place; the time tells.
+    if made and made == {"from": made_from, "at": search.stat().st_mtime_ns}:
         say("No page changed.")
         return 0
-    stamp.unlink(missing_ok=True)
-    folders = [str(folder) for folder in (paths.source, paths.html, paths.doctrees)]
+    fresh = paths.html.with_name(f".{paths.html.name}.new")
+    for folder in (fresh, paths.doctrees):
+        shutil.rmtree(folder, ignore_errors=True)
+    status = _sphinx(paths, fresh, strict=True, say=say)
+    if status == 0:
+        at = (fresh / search.name).stat().st_mtime_ns
+        (fresh / _STAMP).write_text(json.dumps({"from": made_from, "at": at}))
+        shutil.rmtree(paths.html, ignore_errors=True)
+        fresh.rename(paths.html)
+    return status
+
+
+def _sphinx(paths: Paths, html: Path, *, strict: bool, say: Callable[[str], None]) -> int:
+    """Run Sphinx in a process of its own; returns 0, or 1 with a word on where to look."""
+    folders = [str(folder) for folder in (paths.source, html, paths.doctrees)]
     command = [sys.executable, "-m", "thesis_lib.book.render", *folders]
     done = subprocess.run([*command, *(["--strict"] if strict else [])], check=False)
     if done.returncode:
-        # Sphinx warns only about pages it reads; what it has read must not hide a warning.
-        shutil.rmtree(paths.doctrees, ignore_errors=True)
         say("The book was not built: see the warnings and errors above.")
-        return 1
-    with replacing(stamp) as temporary:
-        made = {"pages": pages, "assets": assets, "written": search.stat().st_mtime_ns}
-        temporary.write_text(json.dumps(made))
-    return 0
+    return int(done.returncode != 0)
 
 
-def _assets(paths: Paths) -> str:
-    """Hash of what goes into every page: style sheets, scripts, pictures, our extensions."""
+def _extensions() -> str:
+    """Hash of our Sphinx extensions, which are part of what makes the pages."""
     names = ("names.py", "offline.py", "thesis_numbers.py")
-    extensions = [Path(__file__).with_name(name) for name in names]
-    code = hashlib.sha256(b"".join(file.read_bytes() for file in extensions))
-    return fingerprint(paths.source / "book" / "_static") + code.hexdigest()
+    files = [Path(__file__).with_name(name) for name in names]
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
 @contextmanager
