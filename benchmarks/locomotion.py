@@ -9,9 +9,9 @@ For the five robots, flat and on hills of difficulty 0.5, with random actions:
 * async: Gymnasium's ``AsyncVectorEnv`` of it;
 * limit: two processes at once, each with a bare stepper of one thread and half the worlds.
 
-Rates are medians of interleaved rounds: control steps a second by the wall clock, and a CPU
-second (of all threads and processes together), which other work on the machine disturbs less
-but which leaves out what two cores gain over one.
+Rates are medians of interleaved rounds: control steps a second by the wall clock, with
+``--threads``, and control steps a CPU second, with one thread (idle threads spin and count).
+The latter leave out what two cores gain over one, but other work disturbs them less.
 
     python benchmarks/locomotion.py [--json] [--repeats 5] [--worlds 128] [--threads 2]
     python benchmarks/locomotion.py --memory    resident memory of 1, 64 and 1024 worlds
@@ -186,8 +186,8 @@ def compare(
 ) -> list[dict[str, Any]]:
     label = f"{name} {'hills' if hilly else 'flat'}"
     env_id = f"thesis/{name}{'Hill' if hilly else ''}-v0"
-    batch = build(name, hilly, worlds, threads)
-    bare = Bare(batch, threads)
+    batch, alone_on_a_core = build(name, hilly, worlds, threads), build(name, hilly, worlds, 1)
+    bare, bare_on_a_core = Bare(batch, threads), Bare(alone_on_a_core, 1)
     size = batch.action_size
     steps = steps_for(lambda k: bare.record(batch, random_actions(k, worlds, size))[0])
     actions = random_actions(steps, worlds, size)
@@ -205,12 +205,14 @@ def compare(
     apart = random_actions(k, ASYNC_ENVS, size)
     limit = Limit(name, hilly, worlds, steps)
 
-    keys = ("closed", "bare", "one", "async")
+    keys = ("closed", "bare", "closed x1", "bare x1", "one", "async")
     rates: dict[str, list[float]] = {k: [] for k in (*keys, *(f"{k} cpu" for k in keys), "limit")}
     for _ in range(repeats):
         seconds = {
             "closed": (steps * worlds, bare.record(batch, actions)),
             "bare": (steps * worlds, bare.replay(actions)),
+            "closed x1": (steps * worlds, bare_on_a_core.record(alone_on_a_core, actions)),
+            "bare x1": (steps * worlds, bare_on_a_core.replay(actions)),
             "one": (len(alone), one_world(env, alone)),
             "async": (len(apart) * ASYNC_ENVS, many_worlds(envs, apart)),
         }
@@ -223,11 +225,11 @@ def compare(
     wall, cpu = "control steps/s", "control steps/cpu-s"
     peers = (
         ("bare stepper, same stage", "closed", "bare", wall),
-        ("bare stepper, same stage", "closed cpu", "bare cpu", cpu),
+        ("bare stepper, same stage", "closed x1 cpu", "bare x1 cpu", cpu),
         ("one world in a Python loop", "closed", "one", wall),
-        ("one world in a Python loop", "closed cpu", "one cpu", cpu),
+        ("one world in a Python loop", "closed x1 cpu", "one cpu", cpu),
         (f"AsyncVectorEnv x {ASYNC_ENVS}", "closed", "async", wall),
-        (f"AsyncVectorEnv x {ASYNC_ENVS}", "closed cpu", "async cpu", cpu),
+        (f"AsyncVectorEnv x {ASYNC_ENVS}", "closed x1 cpu", "async cpu", cpu),
         ("two processes, bare", "closed", "limit", wall),
     )
     # a ratio is taken within each round, so that what else the machine does cancels

@@ -41,7 +41,7 @@ ACTION_LIMIT = 1e3
 STATE_LIMIT = 1e10
 """Positions and velocities beyond this make the engine give up; here the world diverges."""
 
-PERSISTENT_WORLDS = 256
+PERSISTENT_WORLDS = 128
 """Up to so many worlds, each keeps its own working memory; results are the same either way."""
 
 _RESETS_DRAWN = 8
