@@ -205,7 +205,8 @@ def execute(
         say(f"  {task.name}: executing ...")
         started = time.perf_counter()
         try:
-            _execute(task, paths, max(1, cores // at_once), children)
+            # As many threads each as there are cores: the last one running has them all.
+            _execute(task, paths, cores, children)
         except NotebookFailedError as error:
             if not children.stopped:
                 say(f"  {task.name}: FAILED after {time.perf_counter() - started:.0f} s")

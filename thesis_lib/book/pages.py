@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from thesis_lib.book.execution import Run
+from thesis_lib.book.thesis_numbers import thesis_number
 from thesis_lib.claims import differences_markdown, findings_markdown, scoreboard_markdown
 
 
@@ -47,7 +48,8 @@ def status_markdown(runs: Sequence[Run]) -> str:
     for run in runs:
         m = run.manifest
         lines.append(
-            f"| {{doc}}`{m['name']} <../notebooks/{m['name']}>` | {m['parameters']['budget']} "
+            f"| {{doc}}`{_chapter(m['name'])} <../notebooks/{m['name']}>` "
+            f"| {m['parameters']['budget']} "
             f"| {m['parameters']['seed']} | {_duration(m['seconds'])} "
             f"| {m['started'][:10]} | {_short_commit(m['commit'])} | {m['digest'][:8]} |"
         )
@@ -72,10 +74,18 @@ def status_markdown(runs: Sequence[Run]) -> str:
     return "\n".join([*lines, "::::", ""])
 
 
+def _chapter(name: str) -> str:
+    """What the thesis calls a notebook's chapter, such as ``chapter 3`` or ``appendix A``."""
+    number = thesis_number(name)
+    if number is None:
+        return name
+    return f"{'chapter' if isinstance(number, int) else 'appendix'} {number}"
+
+
 def _duration(seconds: float) -> str:
-    """A duration for people: ``42 s`` or ``3 min 05 s``."""
+    """A duration for people: ``42 s`` or ``3:05 min``."""
     whole = round(seconds)
-    return f"{whole} s" if whole < 60 else f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole} s" if whole < 60 else f"{whole // 60}:{whole % 60:02d} min"
 
 
 def _short_commit(commit: str) -> str:
