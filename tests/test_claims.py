@@ -93,6 +93,8 @@ def test_ids_are_unique(monkeypatch):
         ("Table 3.1", "Chapter 3"),
         ("Figure 4.3", "Chapter 4"),
         ("Appendix A", "Appendix A"),
+        ("Appendix A, fact 1", "Appendix A"),
+        ("Figure A.3", "Appendix A"),
     ],
 )
 def test_chapter_of_a_section(section, chapter):

@@ -8,12 +8,14 @@ computed from the experiments' tables and never typed.  The pages *Scoreboard* a
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from importlib import import_module
 from pathlib import Path
+from typing import TypeVar
 
 import pandas as pd
 
@@ -26,6 +28,8 @@ CHAPTERS = (
     "thesis_lib.claims.chapter4",
     "thesis_lib.claims.chapter5",
 )
+
+ItemT = TypeVar("ItemT")
 
 Tables = Mapping[str, pd.DataFrame]
 """Tables of experiments by id."""
@@ -178,8 +182,9 @@ def judge(claim: Claim, results: Path | str) -> Judgement:
     for identifier in claim.experiments:
         try:
             table, provenance = load(identifier, results)
-        except FileNotFoundError as missing:
-            return Judgement(claim, Finding(Verdict.NOT_RUN, str(missing)), "none")
+        except FileNotFoundError:
+            missing = f"Its evidence is not here yet: make it with `thesis run {identifier}`."
+            return Judgement(claim, Finding(Verdict.NOT_RUN, missing), "none")
         tables[identifier] = table
         budgets.add(provenance["budget"])
     budget = ", ".join(sorted(budgets)) or "exact"
@@ -229,7 +234,7 @@ def scoreboard_markdown(results: Path | str) -> str:
     lines += [f"| **{v}** | {MEANING[v]} | {tally[v]} |" for v in Verdict if tally[v]]
     lines += [f"| | all claims | {len(judged)} |", ""]
     chapter = None
-    for j in judged:
+    for j in _by_chapter(judged, lambda j: j.claim.section):
         title = _chapter_of(j.claim.section)
         if title != chapter:
             chapter = title
@@ -253,7 +258,7 @@ def differences_markdown(results: Path | str) -> str:
     """Body of the page *Differences from the thesis*, as MyST Markdown."""
     lines: list[str] = []
     chapter = None
-    for d in differences():
+    for d in _by_chapter(differences(), lambda d: d.section):
         title = _chapter_of(d.section)
         if title != chapter:
             chapter = title
@@ -279,32 +284,40 @@ def effect(difference: Difference, results: Path | str) -> str:
     for identifier in difference.experiments:
         try:
             tables[identifier], provenance = load(identifier, results)
-        except FileNotFoundError as missing:
-            return str(missing)
+        except FileNotFoundError:
+            return f"Not computed yet: `thesis run {identifier}` makes it."
         if provenance["budget"] == "smoke":
             return "Not shown at the smoke budget, whose values carry no meaning."
     return difference.effect(tables)
 
 
 def findings_markdown(results: Path | str) -> str:
-    """What was found, for the landing page: the tally and the headline claims."""
+    """What was found, for the landing page: the tally and the verdicts on the headline claims."""
     judged = judge_all(results)
     tally = Counter(j.finding.verdict for j in judged)
     counts = ", ".join(f"{tally[v]} {v}" for v in Verdict if tally[v])
     lines = [f"Of {len(judged)} claims examined so far: {counts}.", ""]
     lines += [
-        f"- {j.claim.statement} *{str(j.finding.verdict).capitalize()}.* {j.finding.evidence}"
+        f"- {j.claim.statement} *{str(j.finding.verdict).capitalize()}.*"
         for j in judged
         if j.claim.headline
     ]
     return "\n".join([*lines, ""])
 
 
+def _by_chapter(items: Iterable[ItemT], section: Callable[[ItemT], str]) -> list[ItemT]:
+    """Items of one chapter together, chapters in the order of their first item."""
+    listed = list(items)
+    order = list(dict.fromkeys(_chapter_of(section(item)) for item in listed))
+    return sorted(listed, key=lambda item: order.index(_chapter_of(section(item))))
+
+
 def _chapter_of(section: str) -> str:
-    first = section.replace("Table ", "").replace("Figure ", "")
-    if first[:1].isdigit():
-        return f"Chapter {first.split('.')[0].split(' ')[0]}"
-    return f"Appendix {section.split()[-1][0]}" if section.startswith("Appendix") else section
+    """Heading under which a section, table, figure or appendix is listed."""
+    if appendix := re.match(r"(?:Appendix |Figure )?([A-Z])\b", section):
+        return f"Appendix {appendix[1]}"
+    number = re.search(r"\d+", section)
+    return f"Chapter {number[0]}" if number else section
 
 
 def verdicts(
