@@ -200,6 +200,7 @@ def execute(
     cores = os.cpu_count() or 1
     at_once = min(2, len(tasks), cores)
     children = _Children()
+    _find_fonts(paths)
 
     def one(task: Task) -> NotebookFailedError | None:
         say(f"  {task.name}: executing ...")
@@ -338,10 +339,34 @@ def _environment(paths: Paths, tables: Path) -> dict[str, str]:
         # Not the reader's own: start-up files there could change a result.
         "IPYTHONDIR": str(ipython),
         "NUMBA_CACHE_DIR": str(numba_cache(paths.root)),
+        "MPLCONFIGDIR": str(_matplotlib(paths)),
         "PYTHONPATH": os.pathsep.join(
             [str(paths.root), *filter(None, [os.environ.get("PYTHONPATH")])]
         ),
     }
+
+
+def _matplotlib(paths: Paths) -> Path:
+    """Where matplotlib keeps its list of fonts: in the virtual environment the fonts are in.
+
+    Its usual place is shared by all environments of a user, and a list that names the fonts
+    of one that is gone makes every figure complain.
+    """
+    home = Path(sys.prefix)
+    return (home if os.access(home, os.W_OK) else paths.build) / "matplotlib"
+
+
+def _find_fonts(paths: Paths) -> None:
+    """Let matplotlib list the fonts once, which it would else announce in the first notebook."""
+    folder = _matplotlib(paths)
+    if not any(folder.glob("fontlist-*.json")):
+        folder.mkdir(parents=True, exist_ok=True)
+        subprocess.run(
+            [sys.executable, "-c", "import matplotlib.font_manager"],
+            env={**os.environ, "MPLCONFIGDIR": str(folder)},
+            capture_output=True,
+            check=True,
+        )
 
 
 def _failure(task: Task, paths: Paths, output: Path, printed: str) -> str:
