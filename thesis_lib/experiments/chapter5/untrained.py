@@ -97,14 +97,12 @@ def _beat(robot: str, rows_: FloatArray) -> Controller:
 class Search:
     """Cross-entropy search for a metronome that earns much on flat ground."""
 
-    generations: int = 30
-    population: int = 32
-    """Metronomes tried in a generation."""
-    trials: int = 2
-    """Worlds each of them is tried in."""
-    elite: int = 8
+    generations: int = 20
+    population: int = 64
+    """Metronomes tried in a generation, each in a world of its own."""
+    elite: int = 10
     """How many of them the next generation is drawn around."""
-    seconds: float = 8.0
+    seconds: float = 12.0
     """Simulated time of a trial."""
 
     def horizon(self, robot: str) -> int:
@@ -141,15 +139,12 @@ def find_metronome(robot: str, search: Search, seed: int, index: int = 0) -> Met
     # One beat a second, seven tenths of the torque, any phase, hardly an offset.
     centre = np.r_[0.0, np.full(size, 0.7), np.zeros(2 * size)]
     spread = np.r_[0.5, np.full(size, 0.4), np.full(size, 2.0), np.full(size, 0.1)]
-    n = search.population * search.trials
     horizon = search.horizon(robot)
-    batch = BatchTask(robot, n, seed=worlds, max_episode_steps=horizon)
+    batch = BatchTask(robot, search.population, seed=worlds, max_episode_steps=horizon)
     for _ in range(search.generations):
         tried = centre + spread * rng.standard_normal((search.population, centre.size))
         tried[:, 0] = np.clip(tried[:, 0], np.log(SLOWEST), np.log(FASTEST))
-        act = _beat(robot, np.repeat(tried, search.trials, axis=0))
-        earned = _run(batch, act, horizon)["return"]
-        earned = earned.reshape(-1, search.trials).mean(axis=1)
+        earned = _run(batch, _beat(robot, tried), horizon)["return"]
         best = tried[np.argsort(earned)[-search.elite :]]
         # The floor keeps the search alive when the best agree.
         centre, spread = best.mean(axis=0), best.std(axis=0) + 0.03
@@ -207,7 +202,7 @@ GROUNDS = {
 class BaselineConfig:
     """How many episodes of the untrained controller, and on which grounds."""
 
-    n_episodes: int = 60
+    n_episodes: int = 40
     horizon: int = HORIZON
     grounds: tuple[str, ...] = tuple(GROUNDS)
 
@@ -322,7 +317,7 @@ def metronome(config: MetronomeConfig, context: Context) -> pd.DataFrame:
     return rows([r for found in context.map(measure, jobs, "metronome") for r in found])
 
 
-SMOKE_SEARCH = Search(generations=2, population=4, elite=2, seconds=0.5)
+SMOKE_SEARCH = Search(generations=2, population=8, elite=3, seconds=0.5)
 
 METRONOME = Experiment(
     id="metronome-5.4",
