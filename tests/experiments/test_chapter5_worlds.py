@@ -269,7 +269,7 @@ def test_recovery_is_judged_on_both_sides(after, spread, verdict) -> None:
 def test_statements_on_the_score_are_exact() -> None:
     """By hand: r = (1, -1/2) scores 1 - 3/2 = -1/2; the others are arithmetic too."""
     assert judged("5.3-score-range") == Verdict.REFUTED
-    assert "-0.50" in BY_ID["5.3-score-range"].judge({}).evidence
+    assert "−0.50" in BY_ID["5.3-score-range"].judge({}).evidence
     for name in ("5.3-score-one", "5.3-score-others", "5.3-self-scoring", "5.3-slowing"):
         assert judged(name) == Verdict.REPRODUCED
 
@@ -353,6 +353,13 @@ def test_a_run_across_the_switch_is_told_in_order() -> None:
     assert len(told) == 4
     assert ground.floor == 0.0
     assert (np.diff(states[:, 0]) >= 0).all()
+
+
+def test_a_robot_on_a_hill_keeps_its_clearance() -> None:
+    field = HeightField(np.array([[0.0, 0.0], [2.0, 2.0]]), (5.0, 5.0), z_offset=-0.1)
+    pose = show.on_hills("Ant", field, 1.0, 2.5)
+    # Three quarters up a slope of 2 m, 0.1 m deep, and 0.55 m above it.
+    np.testing.assert_allclose(pose[:3], [1.0, 2.5, 1.5 - 0.1 + 0.55])
 
 
 def test_every_perturbation_is_in_the_table() -> None:

@@ -191,12 +191,12 @@ def _score(base: float, perturbed: float, best: float) -> float:
 def score_range(tables: Tables) -> Finding:
     """A controller that runs backwards under the perturbation, and one that does so always."""
     turned, backward = _score(100, -50, best=100), _score(-50, -50, best=100)
-    return Finding(
-        Verdict.REFUTED,
+    evidence = (
         "Returns can be negative. With a best return of 100, base return 100 and perturbed return "
-        f"−50 score {turned:.2f}, and −50 twice scores {backward:.2f}; for returns from 0 to the "
-        "best the score is indeed in [0, 1].",
+        f"-50 score {turned:.2f}, and -50 twice scores {backward:.2f}; for returns from 0 to the "
+        "best the score is indeed in [0, 1]."
     )
+    return Finding(Verdict.REFUTED, evidence.replace("-", "−"))
 
 
 def score_of_the_best(tables: Tables) -> Finding:
@@ -237,7 +237,7 @@ def slowing_beats_turning(tables: Tables) -> Finding:
     return Finding(
         Verdict.REPRODUCED if slow > aside > back else Verdict.REFUTED,
         f"After a base return of 100, half the speed on the hills scores {slow:.2f}, moving at "
-        f"right angles {aside:.2f} and moving back {back:.2f}.",
+        f"right angles {aside:.2f} and moving back −{abs(back):.2f}.",
     )
 
 

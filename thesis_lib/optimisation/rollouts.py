@@ -355,14 +355,14 @@ class _Recorder:
     def wanted(self, n_steps: int) -> int:
         """How many episodes to start now, by a guess of how long those running will be.
 
-        The guess decides how much is thrown away, and nothing else: the rule does not
-        look at it.
+        Steps so far over episodes that ended estimates the length, and what is left of an
+        episode is guessed to be that much again, up to the task's limit.  The guess decides
+        how much is thrown away, and nothing else: the rule does not look at it.
         """
-        done = sum(self.lengths)
-        n_done = sum(self.finished)
-        typical = max(done / n_done, 1.0)
-        elapsed = self.time[self.running]
-        expected = done + np.maximum(elapsed, typical).sum()
+        done, elapsed = sum(self.lengths), self.time[self.running]
+        typical = max((done + elapsed.sum()) / sum(self.finished), 1.0)
+        limit = getattr(self.task, "max_episode_steps", None) or np.inf
+        expected = done + np.minimum(elapsed + typical, limit).sum()
         return max(0, int(np.ceil((n_steps - expected) / typical)))
 
     def needed(self, n_steps: int) -> int | None:

@@ -258,7 +258,7 @@ BASELINE = Experiment(
         "alive": "part of the return: bonus",
         "divergence": "part of the return: penalty of a diverging world",
     },
-    seconds={"smoke": 2, "book": 45, "thesis": 300},
+    seconds={"smoke": 1, "book": 22, "thesis": 220},
 )
 
 
@@ -338,7 +338,7 @@ METRONOME = Experiment(
         "length": "control steps",
         "distance": "way of the root along x, m",
     },
-    seconds={"smoke": 3, "book": 60, "thesis": 60},
+    seconds={"smoke": 1, "book": 150, "thesis": 700},
 )
 
 
@@ -406,7 +406,7 @@ RECOVERY = Experiment(
         "run": "index",
         "way": "distance between start and end on the ground, m",
     },
-    seconds={"smoke": 1, "book": 12, "thesis": 12},
+    seconds={"smoke": 1, "book": 37, "thesis": 37},
 )
 
 
@@ -484,5 +484,5 @@ NOISE = Experiment(
         "zero": "share of observations that are exactly 0",
         "sigma": "standard deviation of the noise",
     },
-    seconds={"smoke": 1, "book": 20, "thesis": 60},
+    seconds={"smoke": 1, "book": 33, "thesis": 100},
 )

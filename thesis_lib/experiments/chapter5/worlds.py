@@ -206,7 +206,7 @@ TERRAIN = Experiment(
         "below_floor": "share of nodes below world z = 0",
         "node_spacing": "m",
     },
-    seconds={"smoke": 1, "book": 8, "thesis": 40},
+    seconds={"smoke": 1, "book": 3, "thesis": 12},
 )
 
 
@@ -274,5 +274,5 @@ STARTS = Experiment(
         "ground": "world z of the ground at the origin, m",
         "depth": "deepest contact after the reset, m; 0 without contact",
     },
-    seconds={"smoke": 2, "book": 15, "thesis": 70},
+    seconds={"smoke": 1, "book": 4, "thesis": 20},
 )
