@@ -1,25 +1,60 @@
-"""The command ``thesis``: list and run experiments, judge claims, build the book."""
+"""The command ``thesis``: run experiments, train policies, judge claims, build the book."""
 
 from __future__ import annotations
 
+import dataclasses
 import os
+import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, TypeVar
 
 import pandas as pd
 import tyro
 
 from thesis_lib.experiments import experiments, find
+from thesis_lib.experiments import sweep as sweeps
 from thesis_lib.experiments.base import (
     BUDGETS,
     check_budget,
     check_seed,
+    repository_root,
     results_directory,
     writable_directory,
 )
+from thesis_lib.experiments.training import TrainConfig
+
+SettingsT = TypeVar("SettingsT")
+
+
+def _unchecked(kind: type[SettingsT], hidden: Sequence[str] = ()) -> type[SettingsT]:
+    """A dataclass of the same fields that takes any value; :func:`_checked` checks them.
+
+    The parser of the command line wraps what a dataclass raises into a box of its own, and
+    we want one sentence.
+
+    Parameters
+    ----------
+    kind
+        A frozen dataclass.
+    hidden
+        Fields that cannot be set on the command line.
+    """
+    body: dict[str, Any] = {
+        "__doc__": kind.__doc__,
+        "__module__": kind.__module__,
+        "__post_init__": lambda self: None,
+        "__annotations__": dict.fromkeys(hidden, tyro.conf.Suppress[tyro.conf.Fixed[str]]),
+    }
+    return dataclass(frozen=True)(type(kind.__name__, (kind,), body))
+
+
+def _checked(kind: type[SettingsT], given: Any) -> SettingsT:
+    """The settings that were given, checked; ValueError for those that cannot be."""
+    return kind(**{f.name: getattr(given, f.name) for f in dataclasses.fields(given)})
+
 
 Budget = Annotated[str, tyro.conf.arg(metavar="{" + ",".join(BUDGETS) + "}")]
 
@@ -86,6 +121,56 @@ class Run:
 
 
 @dataclass(frozen=True)
+class Sweep:
+    """Train a grid of policies, each in a process of its own, and merge their curves.
+
+    Given again, it goes on where it was killed.
+    """
+
+    grid: Annotated[sweeps.Grid, tyro.conf.arg(name="", constructor=_unchecked(sweeps.Grid))]
+    """Every combination of these."""
+    settings: Annotated[
+        TrainConfig,
+        tyro.conf.arg(name="", constructor=_unchecked(TrainConfig, tuple(sweeps.GRID_COLUMNS))),
+    ]
+    """Of all runs."""
+    workers: int = 1
+    """Processes, each on one thread; no result depends on their number."""
+    out: Path | None = None
+    """Where curves.csv and curves.json go; default _build/results/sweep."""
+    runs: Path | None = None
+    """Where the runs' own directories are; default _build/runs/ and the last part of --out."""
+
+    def __call__(self, command: str = "thesis sweep") -> int:
+        """Train what is missing; ``command`` goes into the record."""
+        configs = _checked(sweeps.Grid, self.grid).runs(_checked(TrainConfig, self.settings))
+        out = writable_directory(self.out or repository_root() / "_build" / "results" / "sweep")
+        runs = self.runs or repository_root() / "_build" / "runs" / out.name
+        errors: dict[str, str] = {}
+
+        def report(outcome: sweeps.Outcome, ended: int) -> None:
+            name = sweeps.run_name(outcome.config)
+            if outcome.error is None:
+                row = sweeps.summary(sweeps.merged([outcome.config], runs)).iloc[0]
+                news = (
+                    f"return {row.first_return:.1f} -> {row.last_return:.1f}, "
+                    f"{row.wall_seconds:.0f} s"
+                )
+            else:
+                errors[name] = outcome.error
+                news = f"FAILED: {outcome.error}"
+            print(f"[{ended}/{len(configs)}] {name}: {news}", flush=True)
+            sweeps.write(configs, runs, out, command=command, errors=errors)
+
+        sweeps.sweep(configs, runs, workers=self.workers, report=report)
+        print(_text(sweeps.summary(sweeps.merged(configs, runs)), most=500))
+        if len(self.grid.precisions) > 1:
+            print(_text(pd.read_csv(out / "precision.csv")))
+        print(f"{len(configs) - len(errors)} of {len(configs)} runs, written to {out}")
+        return 1 if errors else 0
+
+
+@dataclass(frozen=True)
 class Claims:
     """Judge the thesis's claims on saved results and print the ledger."""
 
@@ -147,7 +232,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             if named:
                 return Run(named)(["--help"])
         command, unknown = tyro.cli(
-            List | Run | Claims | Book,
+            List | Run | Sweep | Claims | Book,
             args=arguments,
             prog="thesis",
             description="The living edition of Snel's thesis, on the command line.",
@@ -156,7 +241,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         if isinstance(command, Run):
             return command(unknown)
         if unknown:
-            raise ValueError(f"{unknown[0]!r} is not known: see `thesis --help`.")
+            raise ValueError(f"{unknown[0]!r} is not known: see `thesis {arguments[0]} --help`.")
+        if isinstance(command, Sweep):
+            return command(f"thesis {shlex.join(arguments)}")
         return int(command())
     except (ValueError, FileNotFoundError) as error:
         print(f"thesis: {error}", file=sys.stderr)

@@ -8,11 +8,14 @@ it would have reached without.
 from __future__ import annotations
 
 import dataclasses
+import fcntl
 import json
 import math
+import os
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +23,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import torch
+from threadpoolctl import threadpool_limits
 
 from thesis_lib.experiments.base import (
     check_seed,
@@ -448,6 +452,9 @@ class Training:
             "rows": self.rows,
         }
         path = folder / "checkpoint.pt"
+        # In this order: what the record says is done is in the checkpoint.
+        with replacing(path) as temporary:
+            torch.save(content, temporary)
         with replacing(folder / "curve.csv") as temporary:
             self.curve.to_csv(temporary, index=False)
         with replacing(folder / "run.json") as temporary:
@@ -460,8 +467,6 @@ class Training:
                 **environment(),
             }
             temporary.write_text(json.dumps(record, indent=1) + "\n")
-        with replacing(path) as temporary:
-            torch.save(content, temporary)
         return path
 
     @classmethod
@@ -486,13 +491,18 @@ class Training:
         content = read_checkpoint(path)
         saved = TrainConfig(**content["config"])
         if config is not None:
-            for field in dataclasses.fields(TrainConfig):
-                have, want = getattr(saved, field.name), getattr(config, field.name)
-                if have != want and field.name not in _MAY_CHANGE:
-                    raise ValueError(
-                        f"the checkpoint in {str(path)!r} was trained with {field.name} {have!r}, "
-                        f"not {want!r}: choose another directory for this run."
-                    )
+            for name in differences(content["config"], config):
+                raise ValueError(
+                    f"the checkpoint in {str(path)!r} was trained with {name} "
+                    f"{getattr(saved, name)!r}, not {getattr(config, name)!r}: choose another "
+                    "directory for this run."
+                )
+            if content["iteration"] > config.iterations:
+                raise ValueError(
+                    f"the checkpoint in {str(path)!r} has {content['iteration']} iterations "
+                    f"already, more than the {config.iterations} asked for: ask for as many, or "
+                    "choose another directory."
+                )
         run = cls(config or saved)
         run.policy.load_state_dict(content["policy"])
         if content["baseline"] is not None:
@@ -502,6 +512,16 @@ class Training:
         run.iteration = content["iteration"]
         run.rows = content["rows"]
         return run
+
+
+def differences(saved: Mapping[str, Any], config: TrainConfig) -> list[str]:
+    """Settings in which a saved run is not the one asked for; the result depends on them."""
+    full = dataclasses.asdict(TrainConfig()) | dict(saved)
+    return [
+        name
+        for name, value in dataclasses.asdict(config).items()
+        if name not in _MAY_CHANGE and full[name] != value
+    ]
 
 
 def read_checkpoint(path: Path | str) -> dict[str, Any]:
@@ -558,7 +578,39 @@ def train(
     ValueError
         When the directory holds another run.
     """
-    folder = None if directory is None else writable_directory(directory)
+    if directory is None:
+        return _train(config, None, resume, report)
+    folder = writable_directory(directory)
+    with _alone(folder):
+        return _train(config, folder, resume, report)
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Hold a directory, so that no two processes train into it at once.
+
+    The lock goes with the process however it ends, and leaves no file behind.
+    """
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise ValueError(
+                f"another process is training in {str(folder)!r}: wait for it, or choose another "
+                "directory."
+            ) from None
+        yield
+    finally:
+        os.close(handle)
+
+
+def _train(
+    config: TrainConfig,
+    folder: Path | None,
+    resume: bool,
+    report: Callable[[Training], None] | None,
+) -> Training:
     has_checkpoint = folder is not None and (folder / "checkpoint.pt").exists()
     if has_checkpoint and not resume:
         raise ValueError(
@@ -566,7 +618,8 @@ def train(
             "directory."
         )
     run = Training.load(folder, config) if has_checkpoint and folder else Training(config)
-    if folder is not None and not has_checkpoint:
+    if folder is not None:
+        # Also on resuming: a run killed while it saved may have left an older curve.
         run.save(folder)
     try:
         while run.iteration < config.iterations:
@@ -584,6 +637,16 @@ def train(
             f"{error} The last good checkpoint, of iteration {good}, is in {str(folder)!r}."
         ) from error
     return run
+
+
+def use_one_thread() -> None:
+    """Put this process's linear algebra on one thread.
+
+    The nets are small, so that more threads make them slower; and a sum's last digits
+    depend on the number of threads, so that runs repeat exactly only on equal numbers.
+    """
+    torch.set_num_threads(1)
+    threadpool_limits(1)
 
 
 class TerminalReport:
