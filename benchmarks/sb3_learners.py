@@ -3,15 +3,17 @@
 Same tasks (the thesis's, through Gymnasium for the peer), same networks, same number of samples
 for an update, one thread each.
 
-- DFFWD: our TRPO against ``sb3_contrib.TRPO``: samples a second of processor time end to end, and
-  with ``--curves`` the returns after ``--steps`` steps over ``--seeds`` seeds.
+- DFFWD: our TRPO against ``sb3_contrib.TRPO``: samples a second of processor time end to end, or
+  with ``--curves`` the returns over ``--steps`` steps and ``--seeds`` seeds.  Each run's curve is a
+  file in ``--out``; what is there is not run again.
 - LSTM: our TRPO against ``sb3_contrib.RecurrentPPO``: samples a second.
 
 The peer keeps its own settings wherever the comparison does not need ours (value network, GAE,
 damping, learning rates); the step size and the batch are ours.
 
     pip install sb3-contrib==2.9.2
-    python benchmarks/sb3_learners.py [--json] [--curves] [--tasks Hopper HalfCheetah]
+    python benchmarks/sb3_learners.py [--json] [--tasks Hopper HalfCheetah]
+    python benchmarks/sb3_learners.py --curves [--sides ours peer] [--out results/peers]
 """
 
 from __future__ import annotations
@@ -20,20 +22,24 @@ import argparse
 import json
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
+import pandas as pd
 import torch
 from sb3_contrib import TRPO, RecurrentPPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
+from thesis_lib.experiments.base import replacing
 from thesis_lib.experiments.training import TrainConfig, train
 from thesis_lib.policies import make_policy
 from thesis_lib.stats import welch
 
+SIDES = ("ours", "peer")
 ENVIRONMENTS = 16
 DELTA = 0.05
 TANH = {"activation_fn": torch.nn.Tanh}
@@ -136,43 +142,68 @@ def last(values: np.ndarray, batch: int) -> float:
     return float(np.nanmean(values[-max(1, 100_000 // batch) :]))
 
 
-def curves(tasks: list[str], batch: int, steps: int, seeds: int) -> list[dict[str, Any]]:
+def learn(side: str, task: str, seed: int, batch: int, steps: int) -> np.ndarray:
+    """Mean return of each batch's episodes in one run of ours or of the peer."""
+    if side == "ours":
+        config = TrainConfig(
+            task=task,
+            architecture="dffwd",
+            seed=seed,
+            delta_kl=DELTA,
+            batch_steps=batch,
+            iterations=steps // batch,
+        )
+        return train(config).curve.mean_return.to_numpy()
+    callback = Returns()
+    peer("dffwd", task, seed, batch).learn(steps, callback=callback)
+    return np.array(callback.batches)
+
+
+def curve(folder: Path, side: str, task: str, seed: int, batch: int, steps: int) -> np.ndarray:
+    """One run's learning curve, from its file if an earlier call has finished it."""
+    path = folder / f"{task.lower()}-{side}-{seed}.csv"
+    if not path.exists():
+        start = time.process_time()
+        values = learn(side, task, seed, batch, steps)
+        with replacing(path) as temporary:
+            index = pd.RangeIndex(1, len(values) + 1, name="batch")
+            pd.DataFrame({"mean_return": values}, index=index).to_csv(temporary)
+        print(
+            f"{task} {side} seed {seed}: last 100,000 steps {last(values, batch):.1f}, "
+            f"{time.process_time() - start:.0f} processor s",
+            file=sys.stderr,
+            flush=True,
+        )
+    return pd.read_csv(path).mean_return.to_numpy()
+
+
+def curves(
+    tasks: list[str], sides: list[str], folder: Path, batch: int, steps: int, seeds: int
+) -> list[dict[str, Any]]:
+    """Learning curves of both sides, and Welch's test of their ends and of their means."""
+    folder.mkdir(parents=True, exist_ok=True)
     rows = []
     for task in tasks:
-        final: dict[str, list[float]] = {"ours": [], "peer": []}
-        whole: dict[str, list[float]] = {"ours": [], "peer": []}
-        for seed in range(seeds):
-            config = TrainConfig(
-                task=task,
-                architecture="dffwd",
-                seed=seed,
-                delta_kl=DELTA,
-                batch_steps=batch,
-                iterations=steps // batch,
-            )
-            returns = train(config).curve.mean_return.to_numpy()
-            callback = Returns()
-            peer("dffwd", task, seed, batch).learn(steps, callback=callback)
-            for side, values in (("ours", returns), ("peer", np.array(callback.batches))):
-                final[side].append(last(values, batch))
-                whole[side].append(float(np.nanmean(values)))
-            print(
-                f"{task} seed {seed}: last 100,000 steps {final['ours'][-1]:.1f} against "
-                f"{final['peer'][-1]:.1f}",
-                file=sys.stderr,
-                flush=True,
-            )
-        for label, values_of in (("end", final), ("mean of the curve", whole)):
-            comparison = welch(values_of["ours"], values_of["peer"])
+        runs = {
+            side: [curve(folder, side, task, seed, batch, steps) for seed in range(seeds)]
+            for side in sides
+        }
+        if len(sides) < 2:
+            continue
+        for label, of in (
+            ("end", lambda values: last(values, batch)),
+            ("mean of the curve", lambda values: float(np.nanmean(values))),
+        ):
+            ours, theirs = ([of(values) for values in runs[side]] for side in SIDES)
             rows.append(
                 {
                     "name": f"return, {label}, DFFWD, {task}",
-                    "ours": float(np.mean(values_of["ours"])),
-                    "peer": float(np.mean(values_of["peer"])),
-                    "ratio": float(np.mean(values_of["ours"]) / np.mean(values_of["peer"])),
+                    "ours": float(np.mean(ours)),
+                    "peer": float(np.mean(theirs)),
+                    "ratio": float(np.mean(ours) / np.mean(theirs)),
                     "unit": f"return over {seeds} seeds",
-                    "test": repr(comparison),
-                    "all": values_of,
+                    "test": repr(welch(ours, theirs)),
+                    "all": {"ours": ours, "peer": theirs},
                 }
             )
     return rows
@@ -181,20 +212,28 @@ def curves(tasks: list[str], batch: int, steps: int, seeds: int) -> list[dict[st
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--json", action="store_true", help="print rows as JSON")
-    parser.add_argument("--curves", action="store_true", help="learning curves too (hours)")
+    parser.add_argument("--curves", action="store_true", help="learning curves, not rates (hours)")
     parser.add_argument("--tasks", nargs="*", default=["Hopper", "HalfCheetah"])
     parser.add_argument("--batch-steps", type=int, default=50_000)
     parser.add_argument("--curve-batch-steps", type=int, default=10_000)
     parser.add_argument("--iterations", type=int, default=4)
     parser.add_argument("--steps", type=int, default=1_000_000)
     parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--sides", nargs="*", default=list(SIDES), choices=SIDES)
+    parser.add_argument("--out", type=Path, default=Path("results/peers"))
     arguments = parser.parse_args()
     torch.set_num_threads(1)
-    rows = rates(arguments.tasks, arguments.batch_steps, arguments.iterations)
     if arguments.curves:
-        rows += curves(
-            arguments.tasks, arguments.curve_batch_steps, arguments.steps, arguments.seeds
+        rows = curves(
+            arguments.tasks,
+            arguments.sides,
+            arguments.out,
+            arguments.curve_batch_steps,
+            arguments.steps,
+            arguments.seeds,
         )
+    else:
+        rows = rates(arguments.tasks, arguments.batch_steps, arguments.iterations)
     if arguments.json:
         print(json.dumps(rows, indent=1))
         return
