@@ -32,7 +32,8 @@ the cell's limit plus a remainder that is never negative.  Three cases:
 
 For k of n observed tasks *without replacement* (the combinations of algorithm 8) the same
 three cases hold with hypergeometric visits and, in the third, with the mean over
-k-subsets of :math:`A'^2 \prod e^{-t b_i}`, which a recursion over tasks gives for all k.
+k-subsets of :math:`A'^2 \prod e^{-t b_i}`, which a recursion over tasks gives for all k;
+where few tasks visit a cell, listing the subsets of those that do is faster.
 """
 
 from __future__ import annotations
@@ -49,6 +50,7 @@ from thesis_lib.mdp.checks import one_of
 from thesis_lib.mdp.model import BoolArray, FloatArray, IntArray
 from thesis_lib.relevance.cells import Cells, ground, partition
 from thesis_lib.relevance.solutions import ATOL, Solutions
+from thesis_lib.relevance.subsets import MOST_VISITORS, listed_subsets
 
 Direction = Literal["backward", "forward"]
 
@@ -276,7 +278,10 @@ def explained_combinations(cells: Cells, k: ArrayLike) -> FloatArray:
         )
         met = 1.0 - _miss(n, tuple(lengths.tolist()))[:, visitors]
         out += (met - (lengths / n)[:, None]) @ spread / lengths
-    for block in _blocks(general, n):
+    few = general & ((cells.b > 0).sum(axis=0) <= MOST_VISITORS)
+    if few.any():
+        out += listed_subsets(a[:, few], cells.b[:, few], lengths)
+    for block in _blocks(general & ~few, n):
         out += _subset_integral(a[:, block], cells.b[:, block], lengths)
     return out
 
