@@ -6,6 +6,7 @@ import dataclasses
 import os
 import shlex
 import sys
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +25,28 @@ from thesis_lib.experiments.base import (
     results_directory,
     writable_directory,
 )
-from thesis_lib.experiments.training import TrainConfig
+from thesis_lib.experiments.evaluation import (
+    Disturbances,
+    EvaluateConfig,
+    check_film,
+    evaluate,
+    film,
+    summarised,
+    write,
+)
+from thesis_lib.experiments.training import (
+    TerminalReport,
+    TrainConfig,
+    Training,
+    TrainingStopped,
+    default_directory,
+    idle_settings,
+    read_checkpoint,
+    task_name,
+    train,
+    use_one_thread,
+)
+from thesis_lib.locomotion.rendering import NoGL
 
 SettingsT = TypeVar("SettingsT")
 
@@ -76,7 +98,7 @@ class List:
                 for e in experiments().values()
             ]
         )
-        print(_text(table))
+        print(_text(table, most=len(table)))
         return 0
 
 
@@ -103,12 +125,16 @@ class Run:
         """Run it; ``overrides`` are command-line fields of the experiment's config."""
         experiment = find(self.id)
         default = experiment.config(self.budget)
-        config = tyro.cli(
-            type(default),
-            default=default,
-            args=list(overrides),
-            prog=f"thesis run {self.id}",
-            description=f"{experiment.item}: {experiment.title} Fields of the config:",
+        kind = type(default)
+        config = _checked(
+            kind,
+            tyro.cli(
+                _unchecked(kind),
+                default=_checked(_unchecked(kind), default),
+                args=list(overrides),
+                prog=f"thesis run {self.id}",
+                description=f"{experiment.item}: {experiment.title} Fields of the config:",
+            ),
         )
         # A directory that cannot be written to is found out before the work, not after.
         out = writable_directory(self.out or results_directory(self.budget))
@@ -118,6 +144,120 @@ class Run:
         wall = result.provenance["wall_seconds"]
         print(f"{experiment.item}: {len(result.table)} rows in {wall:.1f} s, written to {path}")
         return 0
+
+
+@dataclass(frozen=True)
+class Train:
+    """Train one policy; given again, the same command goes on where it was killed.
+
+    For instance ``thesis train --task hopper --architecture ctrnn``.
+    """
+
+    settings: Annotated[TrainConfig, tyro.conf.arg(name="", constructor=_unchecked(TrainConfig))]
+    """Of the run."""
+    out: Path | None = None
+    """Where checkpoint.pt, curve.csv and run.json go; default a directory in _build/runs named
+    after task, terrain, net and seed."""
+    resume: bool = True
+    """Go on with what is in the directory; otherwise a run that is there is an error."""
+
+    def __call__(self) -> int:
+        """Train it."""
+        config = _checked(TrainConfig, self.settings)
+        for setting, owners in idle_settings(config).items():
+            raise ValueError(
+                f"--{setting.replace('_', '-')} has no effect here, only with {owners}: leave it "
+                "out."
+            )
+        folder = writable_directory(self.out or default_directory(config))
+        use_one_thread()
+        report = TerminalReport(config.iterations)
+        started = time.perf_counter()
+        try:
+            run = train(config, folder, resume=self.resume, report=report)
+        except KeyboardInterrupt:
+            good = read_checkpoint(folder)["iteration"]
+            print(
+                f"\nthesis: interrupted; the last checkpoint, of iteration {good}, is in {folder}: "
+                "give the same command again to go on from it.",
+                file=sys.stderr,
+            )
+            return 130
+        curve = run.curve
+        minutes, seconds = divmod(round(time.perf_counter() - started), 60)
+        print(
+            f"{config.architecture} on {config.task} ({config.terrain}), seed {config.seed}: "
+            f"{run.iteration} iterations, {curve.steps.iloc[-1]:,} steps; mean return "
+            f"{curve.mean_return.iloc[0]:.1f} in the first iteration, "
+            f"{curve.mean_return.iloc[-1]:.1f} in the last, {curve.mean_return.max():.1f} in the "
+            f"best; this command took {minutes} min {seconds:02d} s."
+        )
+        print(f"Learning curve {folder / 'curve.csv'}, checkpoint {folder / 'checkpoint.pt'}.")
+        return 0
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Test a trained policy, by its mean action, with any perturbation.
+
+    For instance ``thesis evaluate _build/runs/hopper-flat-ctrnn-0 --noise 1``.
+    """
+
+    checkpoint: tyro.conf.Positional[Path]
+    """A checkpoint of ``thesis train``, or the directory it is in."""
+    settings: Annotated[
+        EvaluateConfig, tyro.conf.arg(name="", constructor=_unchecked(EvaluateConfig))
+    ]
+    """Of the test."""
+    disturbances: tyro.conf.OmitArgPrefixes[Disturbances]
+    """Perturbations in short."""
+    task: str | None = None
+    """Refuse a checkpoint of another task."""
+    architecture: str | None = None
+    """Refuse a checkpoint of another net."""
+    out: Path | None = None
+    """Where evaluation.csv and evaluation.json go; default nowhere."""
+    film: Path | None = None
+    """Draw a run into this animated picture: .webp, .gif or .png."""
+    film_run: int = 0
+    """Which run to draw."""
+
+    def __call__(self, command: str = "thesis evaluate") -> int:
+        """Test it; ``command`` goes into the record."""
+        config = _checked(EvaluateConfig, self.settings).disturbed(self.disturbances)
+        trained = Training.load(self.checkpoint)
+        self._check(trained.config)
+        if self.out is not None:
+            writable_directory(self.out)
+        if self.film is not None:
+            check_film(self.film, config, self.film_run)
+        use_one_thread()
+        table = evaluate(trained, config)
+        print(
+            f"{trained.config.architecture} on {trained.config.task}, trained on "
+            f"{trained.config.terrain} ground for {trained.iteration} iterations"
+        )
+        for perturbation in config.perturbations:
+            print(f"  {perturbation}")
+        print(_text(table))
+        print(_text(summarised(table)))
+        if self.out is not None:
+            path = write(table, trained, config, self.out, command=command)
+            print(f"Written to {path}.")
+        if self.film is not None:
+            print(f"Film {film(trained, self.film, config, run=self.film_run)}.")
+        return 0
+
+    def _check(self, trained: TrainConfig) -> None:
+        """Raise ValueError when the checkpoint is not of the task or net asked for."""
+        task = None if self.task is None else task_name(self.task)
+        for name, asked in (("task", task), ("architecture", self.architecture)):
+            have = getattr(trained, name)
+            if asked is not None and asked != have:
+                raise ValueError(
+                    f"the checkpoint {str(self.checkpoint)!r} was trained with {name} {have!r}, "
+                    f"not {asked!r}: choose another checkpoint, or leave --{name} out."
+                )
 
 
 @dataclass(frozen=True)
@@ -232,7 +372,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             if named:
                 return Run(named)(["--help"])
         command, unknown = tyro.cli(
-            List | Run | Sweep | Claims | Book,
+            List | Run | Train | Evaluate | Sweep | Claims | Book,
             args=arguments,
             prog="thesis",
             description="The living edition of Snel's thesis, on the command line.",
@@ -242,12 +382,15 @@ def main(argv: Sequence[str] | None = None) -> int:
             return command(unknown)
         if unknown:
             raise ValueError(f"{unknown[0]!r} is not known: see `thesis {arguments[0]} --help`.")
-        if isinstance(command, Sweep):
+        if isinstance(command, Evaluate | Sweep):
             return command(f"thesis {shlex.join(arguments)}")
         return int(command())
     except (ValueError, FileNotFoundError) as error:
         print(f"thesis: {error}", file=sys.stderr)
         return 2
+    except (TrainingStopped, NoGL) as error:
+        print(f"thesis: {error}", file=sys.stderr)
+        return 1
     except BrokenPipeError:
         # The reader of our output, such as `head`, has seen enough.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -9,16 +9,29 @@ import torch
 from PIL import Image
 
 from thesis_lib.experiments.evaluation import (
+    SUMMARY_COLUMNS,
+    Disturbances,
     EvaluateConfig,
     evaluate,
     evaluation_task,
     film,
     parse_perturbation,
     positions,
+    summarised,
 )
 from thesis_lib.experiments.training import TrainConfig, Training, train
-from thesis_lib.locomotion.perturbations import MassChange, TerrainSwitch, WhiteNoise
+from thesis_lib.locomotion.perturbations import (
+    ActionDelay,
+    ActuatorFailure,
+    FrictionChange,
+    MassChange,
+    Push,
+    SensorFailure,
+    TerrainSwitch,
+    WhiteNoise,
+)
 from thesis_lib.locomotion.rendering import NoGL, choose_backend
+from thesis_lib.optimisation import run_episodes
 
 torch.set_num_threads(1)
 SHORT = EvaluateConfig(runs=3, steps=60)
@@ -116,6 +129,88 @@ def test_a_film(cheetah: Path, tmp_path: Path) -> None:
         assert (picture.n_frames, picture.size) == (5, (96, 64))
 
 
+def test_a_film_shows_the_run_that_was_tested(cheetah: Path) -> None:
+    run = Training.load(cheetah)
+    config = EvaluateConfig(runs=2, steps=30, greedy=False, seed=4)
+    seen = positions(evaluation_task(run, config), run.policy, 1, np.random.default_rng(4))
+    task = evaluation_task(run, config)
+    rollouts = run_episodes(task, run.policy, np.random.default_rng(4))
+    # what the policy sees of the pose: all of it but the place
+    poses = rollouts.padded("observations")[:, 1, :8]
+    np.testing.assert_allclose(seen[:, 1:], poses, rtol=1e-12)
+    assert rollouts.episode_returns[1] == evaluate(run, config)["return"][1]
+
+
+def test_disturbances_in_short(cheetah: Path) -> None:
+    assert Disturbances().perturbations() == ()
+    everything = Disturbances(
+        noise=0.5,
+        dead_sensors=("pitch",),
+        switch_at="3.5",
+        dead_actuators=("bshin",),
+        delay=2,
+        mass=1.5,
+        friction=0.7,
+        push=(0.0, 1.0, 0.0),
+        onset=9,
+    )
+    assert everything.perturbations(difficulty=0.3, seed=8) == (
+        TerrainSwitch(0.3, 3.5, seed=8),
+        MassChange(1.5, onset=9),
+        FrictionChange(0.7, onset=9),
+        ActuatorFailure(("bshin",), onset=9),
+        ActionDelay(2, onset=9),
+        Push((0.0, 1.0, 0.0), onset=9),
+        WhiteNoise(0.5, 9),
+        SensorFailure(("pitch",), onset=9),
+    )
+    config = EvaluateConfig(runs=3, steps=60, difficulty=0.3, seed=8).disturbed(everything)
+    assert tuple(map(parse_perturbation, config.perturbations)) == everything.perturbations(0.3, 8)
+    assert len(evaluate(cheetah, config)) == 3
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"noise": -1.0}, "sigma is -1.0"),
+        ({"switch_at": "soon"}, "switch_at is 'soon', but it must be metres, or task"),
+        ({"delay": 0}, "steps is 0"),
+        ({"mass": 0.0}, "factor is 0.0"),
+        ({"friction": -1.0}, "factor is -1.0"),
+        ({"push": (0.0, 1.0)}, "three finite numbers"),
+        ({"noise": 1.0, "onset": -3}, "onset is -3"),
+    ],
+)
+def test_disturbances_that_cannot_be(given: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Disturbances(**given).perturbations()
+
+
+def test_hills_come_once() -> None:
+    with pytest.raises(ValueError, match="a switch starts on flat ground"):
+        EvaluateConfig(terrain="hill").disturbed(Disturbances(switch_at="task"))
+
+
+def test_summary_by_hand() -> None:
+    table = pd.DataFrame(
+        {
+            "run": [0, 1, 2, 3],
+            "return": [1.0, 2.0, 3.0, 6.0],
+            "length": [10, 20, 20, 30],
+            "terminated": [True, False, False, False],
+        }
+    )
+    (row,) = summarised(table).to_dict("records")
+    assert list(row) == list(SUMMARY_COLUMNS)
+    assert (row["n"], row["mean_return"], row["min"], row["max"]) == (4, 3, 1, 6)
+    assert row["sd"] == pytest.approx(np.sqrt(14 / 3))
+    # Student's t with 3 degrees of freedom: 3.182446 at 97.5%
+    half = 3.182446305 * np.sqrt(14 / 3) / 2
+    assert (row["low"], row["high"]) == pytest.approx((3 - half, 3 + half))
+    assert (row["mean_length"], row["terminated"]) == (20, 0.25)
+    assert np.isnan(summarised(table[:1]).low[0])
+
+
 def test_positions_are_those_before_every_step(cheetah: Path) -> None:
     run = Training.load(cheetah)
     states = positions(evaluation_task(run, SHORT), run.policy, world=2)
@@ -130,6 +225,8 @@ def test_bad_arguments(cheetah: Path, tmp_path: Path) -> None:
         EvaluateConfig(runs=0)
     with pytest.raises(ValueError, match="choose one of flat, hill"):
         EvaluateConfig(terrain="stairs")
+    with pytest.raises(ValueError, match="choose one of train, test, never"):
+        EvaluateConfig(termination="sometimes")
     with pytest.raises(ValueError, match=r"cannot be written as '\.mov'"):
         film(cheetah, tmp_path / "run.mov")
     with pytest.raises(ValueError, match="the runs are 0 to 2"):

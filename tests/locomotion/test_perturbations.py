@@ -14,6 +14,7 @@ from thesis_lib.locomotion.perturbations import (
     FrictionChange,
     MassChange,
     Push,
+    SensorFailure,
     SensorSubset,
     TerrainSwitch,
     WhiteNoise,
@@ -318,6 +319,22 @@ def test_a_delay_starts_empty_in_every_episode():
         plain.reset()
 
 
+# ------------------------------------------------------------------------------ silent sensors
+
+
+def test_silent_sensors_read_a_constant_from_the_onset_on():
+    failing = SensorFailure(("pitch", 3), reading=-0.5, onset=4)
+    made, plain = batch("Hopper", 2, failing), batch("Hopper", 2)
+    assert made.sensor_names == plain.sensor_names
+    for t, action in enumerate(random_actions("Hopper", 8, 2), start=1):
+        step, true = made.step(action), plain.step(action)
+        expected = true.observation.copy()
+        if t >= 4:
+            expected[:, [1, 3]] = -0.5
+        np.testing.assert_array_equal(step.observation, expected)
+        np.testing.assert_array_equal(step.reward, true.reward)
+
+
 # ---------------------------------------------------------------------------------------- body
 
 
@@ -427,6 +444,8 @@ def test_perturbations_combine():
         (lambda: WhiteNoise(onset=-1), "onset is -1"),
         (lambda: WhiteNoise(onset=1.5), "onset is 1.5"),
         (lambda: SensorSubset(("z", "z")), "only once"),
+        (lambda: SensorFailure(("z",), np.inf), "reading is inf"),
+        (lambda: batch("Hopper", 1, SensorFailure(("knee",))), "no sensor 'knee'"),
         (lambda: occlusion("Ant", "thesis"), "'text' or 'code'"),
         (lambda: ActuatorFailure((0,), 1.5), "factor is 1.5"),
         (lambda: ActionDelay(0), "steps is 0"),

@@ -5,30 +5,124 @@ from __future__ import annotations
 import ast
 import dataclasses
 import inspect
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Literal, get_args
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from PIL import Image
 
-from thesis_lib.experiments.base import check_seed, replacing
+from thesis_lib.experiments.base import check_seed, environment, replacing, writable_directory
 from thesis_lib.experiments.training import TERRAINS, Training
 from thesis_lib.locomotion import BatchTask, make_task, perturbations
 from thesis_lib.locomotion.batch import Perturbation
 from thesis_lib.locomotion.robots import Ground
-from thesis_lib.locomotion.tasks import TEST_HORIZON
+from thesis_lib.locomotion.tasks import TEST_HORIZON, Termination
 from thesis_lib.locomotion.terrain import hill_maps
 from thesis_lib.optimisation import run_episodes
 from thesis_lib.policies import GaussianPolicy
+from thesis_lib.stats import mean_ci
 
 FILM_FORMATS = (".webp", ".gif", ".png")
 """Suffixes of the animated pictures a film can be written to."""
 
 FRAMES_A_SECOND = 25
 """Of a film; time runs as in the simulation."""
+
+RUN_COLUMNS: Mapping[str, str] = {
+    "run": "number of the run, from 0",
+    "return": "undiscounted return up to the end of the run",
+    "length": "control steps",
+    "terminated": "whether a limit of the task ended it",
+}
+"""Meaning and unit of each column of a test, one row a run."""
+
+SUMMARY_COLUMNS: Mapping[str, str] = {
+    "n": "runs",
+    "mean_return": "mean return",
+    "low": "lower end of the 95% Student interval of the mean over runs of this one policy",
+    "high": "upper end",
+    "sd": "standard deviation of the return over runs",
+    "min": "smallest return",
+    "max": "largest return",
+    "mean_length": "mean length in control steps",
+    "terminated": "share of the runs that a limit of the task ended",
+}
+"""Meaning and unit of each column of :func:`summarised`."""
+
+
+@dataclass(frozen=True)
+class Disturbances:
+    """The perturbations there are, in short: each is left out unless it is asked for."""
+
+    noise: float | None = None
+    """Standard deviation of white noise on all sensors, in each one's own unit."""
+    dead_sensors: tuple[str, ...] = ()
+    """Sensors that read 0, by name."""
+    switch_at: str | None = None
+    """Flat ground that turns hilly: at x metres, or "task" where the task says so."""
+    dead_actuators: tuple[str, ...] = ()
+    """Motors that go limp, by name."""
+    delay: int | None = None
+    """Control steps by which actions are late."""
+    mass: float | None = None
+    """Factor on the mass of the robot."""
+    friction: float | None = None
+    """Factor on the friction of ground and robot."""
+    push: tuple[float, float, float] | None = None
+    """Push on the torso, as the change of velocity in m/s along x, y and z."""
+    onset: int = perturbations.NOISE_ONSET
+    """Control step from which they act; hills are met where they are."""
+
+    def perturbations(self, difficulty: float = 1.0, seed: int = 0) -> tuple[Perturbation, ...]:
+        """What was asked for.
+
+        Parameters
+        ----------
+        difficulty
+            Height of the hills in metres.
+        seed
+            Decides the hills.
+
+        Raises
+        ------
+        ValueError
+            When a value is out of range.
+        """
+        onset = self.onset
+        found: list[Perturbation] = []
+        if self.switch_at is not None:
+            place = _place(self.switch_at)
+            found.append(perturbations.TerrainSwitch(difficulty, place, seed))
+        if self.mass is not None:
+            found.append(perturbations.MassChange(self.mass, onset=onset))
+        if self.friction is not None:
+            found.append(perturbations.FrictionChange(self.friction, onset=onset))
+        if self.dead_actuators:
+            found.append(perturbations.ActuatorFailure(self.dead_actuators, onset=onset))
+        if self.delay is not None:
+            found.append(perturbations.ActionDelay(self.delay, onset=onset))
+        if self.push is not None:
+            found.append(perturbations.Push(self.push, onset=onset))
+        if self.noise is not None:
+            found.append(perturbations.WhiteNoise(self.noise, onset))
+        if self.dead_sensors:
+            # After the noise: a sensor that is dead does not tremble.
+            found.append(perturbations.SensorFailure(self.dead_sensors, onset=onset))
+        return tuple(found)
+
+
+def _place(text: str) -> float | Literal["task"]:
+    if text == "task":
+        return "task"
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"switch_at is {text!r}, but it must be metres, or task.") from None
 
 
 @dataclass(frozen=True)
@@ -61,6 +155,23 @@ class EvaluateConfig:
             raise ValueError(
                 f"terrain {self.terrain!r} does not exist: choose one of {', '.join(TERRAINS)}."
             )
+        if self.termination not in get_args(Termination):
+            raise ValueError(
+                f"termination {self.termination!r} does not exist: choose one of "
+                f"{', '.join(get_args(Termination))}."
+            )
+
+    def disturbed(self, disturbances: Disturbances) -> EvaluateConfig:
+        """The test with more perturbations; ValueError when the ground is hilly twice."""
+        if self.terrain == "hill" and disturbances.switch_at is not None:
+            raise ValueError(
+                "terrain is hill and switch_at is given, but a switch starts on flat ground: "
+                "leave one of them out."
+            )
+        more = disturbances.perturbations(self.difficulty, self.seed)
+        return dataclasses.replace(
+            self, perturbations=(*self.perturbations, *(repr(p) for p in more))
+        )
 
 
 def known_perturbations() -> Mapping[str, type[Perturbation]]:
@@ -180,14 +291,12 @@ def evaluate(
     Returns
     -------
     pandas.DataFrame
-        One row a run: ``run``; ``return``, undiscounted, up to the end of the run;
-        ``length`` in steps; ``terminated``, whether a limit of the task ended it.
+        Columns as in :data:`RUN_COLUMNS`, one row a run.
     """
     chosen = config or EvaluateConfig()
     run = trained if isinstance(trained, Training) else Training.load(trained)
     task = evaluation_task(run, chosen, extra)
-    noise = None if chosen.greedy else np.random.default_rng(chosen.seed)
-    rollouts = run_episodes(task, run.policy, noise)
+    rollouts = run_episodes(task, run.policy, _noise(chosen))
     return pd.DataFrame(
         {
             "run": np.arange(chosen.runs),
@@ -198,16 +307,129 @@ def evaluate(
     )
 
 
-def positions(task: BatchTask, policy: GaussianPolicy, world: int = 0) -> NDArray[np.float64]:
-    """Positions of one world's robot before every greedy step, shape ``(steps, nq)``."""
+def _noise(config: EvaluateConfig) -> np.random.Generator | None:
+    return None if config.greedy else np.random.default_rng(config.seed)
+
+
+def summarised(table: pd.DataFrame) -> pd.DataFrame:
+    """What a test came to.
+
+    Parameters
+    ----------
+    table
+        From :func:`evaluate`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row; columns as in :data:`SUMMARY_COLUMNS`.  A single run has no interval.
+    """
+    returns = table["return"]
+    n = len(returns)
+    half = mean_ci(returns).half_width if n > 1 else np.nan
+    row = {
+        "n": n,
+        "mean_return": returns.mean(),
+        "low": returns.mean() - half,
+        "high": returns.mean() + half,
+        "sd": returns.std(),
+        "min": returns.min(),
+        "max": returns.max(),
+        "mean_length": table.length.mean(),
+        "terminated": table.terminated.mean(),
+    }
+    return pd.DataFrame([row], columns=list(SUMMARY_COLUMNS))
+
+
+def write(
+    table: pd.DataFrame,
+    trained: Training,
+    config: EvaluateConfig,
+    out: Path | str,
+    *,
+    command: str,
+) -> Path:
+    """Write a test as ``evaluation.csv`` with its provenance ``evaluation.json``.
+
+    Parameters
+    ----------
+    table
+        From :func:`evaluate`.
+    trained
+        What was tested.
+    config
+        The test.
+    out
+        Directory to write to.
+    command
+        What made it.
+
+    Returns
+    -------
+    Path
+        Of the table.
+    """
+    folder = writable_directory(out)
+    record: dict[str, Any] = {
+        "id": "evaluation",
+        "title": "Returns of one policy in a test.",
+        "command": command,
+        "trained": dataclasses.asdict(trained.config),
+        "iteration": trained.iteration,
+        "config": dataclasses.asdict(config),
+        "summary": summarised(table).iloc[0].to_dict(),
+        "rows": len(table),
+        "columns": dict(RUN_COLUMNS),
+        "summary_columns": dict(SUMMARY_COLUMNS),
+        **environment(),
+        "table": "evaluation.csv",
+    }
+    with replacing(folder / "evaluation.csv") as temporary:
+        table.to_csv(temporary, index=False)
+    with replacing(folder / "evaluation.json") as temporary:
+        temporary.write_text(json.dumps(record, indent=1, default=float) + "\n")
+    return folder / "evaluation.csv"
+
+
+def positions(
+    task: BatchTask,
+    policy: GaussianPolicy,
+    world: int = 0,
+    noise: np.random.Generator | None = None,
+) -> NDArray[np.float64]:
+    """Positions of one world's robot before every step, shape ``(steps, nq)``.
+
+    Parameters
+    ----------
+    task, policy
+        What acts in which worlds.
+    world
+        Whose positions.
+    noise
+        Source of the exploration noise; None acts greedily.
+    """
     states: list[NDArray[np.float64]] = []
 
     def watch(running: NDArray[np.bool_]) -> None:
         if running[world]:
             states.append(task.qpos[world])
 
-    run_episodes(task, policy, watch=watch)
+    run_episodes(task, policy, noise, watch=watch)
     return np.stack(states)
+
+
+def check_film(path: Path | str, config: EvaluateConfig, run: int = 0) -> Path:
+    """The path of a film if it can be made; ValueError when its suffix or run does not exist."""
+    target = Path(path)
+    if target.suffix not in FILM_FORMATS:
+        raise ValueError(
+            f"a film cannot be written as {target.suffix!r}: choose one of "
+            f"{', '.join(FILM_FORMATS)}."
+        )
+    if not 0 <= run < config.runs:
+        raise ValueError(f"run is {run}, but the runs are 0 to {config.runs - 1}.")
+    writable_directory(target.parent)
+    return target
 
 
 def film(
@@ -244,17 +466,10 @@ def film(
     from thesis_lib.locomotion.rendering import film as draw
 
     chosen = config or EvaluateConfig()
-    target = Path(path)
-    if target.suffix not in FILM_FORMATS:
-        raise ValueError(
-            f"a film cannot be written as {target.suffix!r}: choose one of "
-            f"{', '.join(FILM_FORMATS)}."
-        )
-    if not 0 <= run < chosen.runs:
-        raise ValueError(f"run is {run}, but the runs are 0 to {chosen.runs - 1}.")
+    target = check_film(path, chosen, run)
     loaded = trained if isinstance(trained, Training) else Training.load(trained)
     task = evaluation_task(loaded, chosen)
-    states = positions(task, loaded.policy, run)
+    states = positions(task, loaded.policy, run, _noise(chosen))
     every = max(1, round(1 / (FRAMES_A_SECOND * task.task.robot.control_dt)))
     robot = task.task.robot.name
     ground = _ground(chosen, robot, run)

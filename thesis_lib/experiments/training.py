@@ -80,6 +80,21 @@ _PUBLISHED_TASKS = {
     "Ant": "ant",
 }
 _MAY_CHANGE = ("iterations", "checkpoint_every", "threads")
+_NEEDS: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "integrator": ("architecture", ("ctrnn",)),
+    "time_constant": ("architecture", ("ctrnn",)),
+    "constraint": ("architecture", ("ctrnn",)),
+    "spectral_radius": ("architecture", ("esn",)),
+    "density": ("architecture", ("esn",)),
+    "leak": ("architecture", ("esn",)),
+    "learning_rate": ("algorithm", ("vpg", "ppo")),
+    "delta_kl": ("algorithm", ("trpo", "natural")),
+    "cg_iterations": ("algorithm", ("trpo", "natural")),
+    "damping": ("algorithm", ("trpo", "natural")),
+    "kl_direction": ("algorithm", ("trpo",)),
+    "difficulty": ("terrain", ("hill",)),
+    "maps": ("terrain", ("hill",)),
+}
 _KEYS = {"task": 0, "noise": 1, "terrain": 2}
 
 
@@ -181,6 +196,16 @@ class TrainConfig:
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} is {value}, but it must be positive.")
+
+
+def idle_settings(config: TrainConfig) -> dict[str, str]:
+    """Settings that differ from their default and have no effect, with what they belong to."""
+    default = TrainConfig()
+    return {
+        name: f"{by} {' or '.join(values)}"
+        for name, (by, values) in _NEEDS.items()
+        if getattr(config, name) != getattr(default, name) and getattr(config, by) not in values
+    }
 
 
 def task_name(name: str) -> str:
@@ -495,7 +520,7 @@ class Training:
                 raise ValueError(
                     f"the checkpoint in {str(path)!r} was trained with {name} "
                     f"{getattr(saved, name)!r}, not {getattr(config, name)!r}: choose another "
-                    "directory for this run."
+                    "directory for this run (--out)."
                 )
             if content["iteration"] > config.iterations:
                 raise ValueError(

@@ -183,6 +183,47 @@ class _SensorSubsetEffect(Effect):
         return observations[:, self._columns]
 
 
+@dataclass(frozen=True)
+class SensorFailure(Perturbation):
+    """Some sensors fall silent (not in the thesis).
+
+    The policy still has an input for them, which reads a constant.
+
+    Attributes
+    ----------
+    failing
+        The sensors, by name or index.
+    reading
+        What they read, in their own unit.
+    onset
+        First step whose observation lacks them.
+    """
+
+    failing: tuple[str | int, ...]
+    reading: float = 0.0
+    onset: int = NOISE_ONSET
+
+    def __post_init__(self) -> None:
+        _check_onset(self.onset)
+        if not np.isfinite(self.reading):
+            raise ValueError(f"reading is {self.reading}, but a sensor must read a finite number.")
+
+    def attach(self, context: Context) -> Effect:
+        """Start the failure; ValueError for an unknown sensor."""
+        columns = _find(self.failing, context.sensors, "sensor")
+        return _SensorFailureEffect(self.onset, columns, self.reading)
+
+
+class _SensorFailureEffect(Effect):
+    def __init__(self, onset: int, columns: IntArray, reading: float) -> None:
+        self._onset, self._columns, self._reading = onset, columns, reading
+
+    def on_observation(self, t: IntArray, observations: FloatArray, worlds: IntArray) -> FloatArray:
+        changed = observations.copy()
+        changed[np.ix_(t >= self._onset, self._columns)] = self._reading
+        return changed
+
+
 def occlusion(robot: str, reading: Literal["text", "code"] = "text") -> SensorSubset | None:
     """The sensors the thesis leaves to recurrent networks (table 5.1).
 

@@ -6,7 +6,12 @@ from dataclasses import dataclass, field
 
 from thesis_lib.optimisation.baseline import LinearBaseline
 from thesis_lib.optimisation.problem import Algorithm, UpdateReport, make_batch
-from thesis_lib.optimisation.returns import advantages, discounted_returns, standardised
+from thesis_lib.optimisation.returns import (
+    advantages,
+    check_fraction,
+    discounted_returns,
+    standardised,
+)
 from thesis_lib.optimisation.rollouts import Rollouts
 from thesis_lib.policies import GaussianPolicy
 
@@ -33,6 +38,11 @@ class Learner:
         was cut in.
     baseline
         :math:`b`.
+
+    Raises
+    ------
+    ValueError
+        When the discount or the trace is not in [0, 1].
     """
 
     policy: GaussianPolicy
@@ -42,6 +52,10 @@ class Learner:
     standardise: bool = True
     bootstrap: bool = False
     baseline: LinearBaseline = field(default_factory=LinearBaseline)
+
+    def __post_init__(self) -> None:
+        check_fraction("discount", self.discount)
+        check_fraction("trace", self.trace)
 
     def improve(self, rollouts: Rollouts) -> UpdateReport:
         """Lines 4 to 8 of algorithm 5, or 4 to 9 of algorithm 6.

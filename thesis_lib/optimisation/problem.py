@@ -126,11 +126,7 @@ class LocalProblem:
     """
 
     def __init__(self, policy: GaussianPolicy, batch: Batch, kl_direction: str = "old_new") -> None:
-        if kl_direction not in KL_DIRECTIONS:
-            raise ValueError(
-                f"kl_direction {kl_direction!r} does not exist: choose one of "
-                f"{', '.join(KL_DIRECTIONS)}."
-            )
+        check_direction(kl_direction)
         self.policy = policy
         self.batch = batch
         self.kl_direction = kl_direction
@@ -304,3 +300,12 @@ def check_positive(name: str, value: float) -> None:
     """Raise ValueError unless a setting is a positive number."""
     if not (math.isfinite(value) and value > 0):
         raise ValueError(f"{name} is {value}, but it must be positive.")
+
+
+def check_direction(kl_direction: str) -> None:
+    """Raise ValueError unless the direction of the divergence exists."""
+    if kl_direction not in KL_DIRECTIONS:
+        raise ValueError(
+            f"kl_direction {kl_direction!r} does not exist: choose one of "
+            f"{', '.join(KL_DIRECTIONS)}."
+        )

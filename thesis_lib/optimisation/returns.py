@@ -36,7 +36,9 @@ def discounted_returns(rewards: FloatArray, packing: Packing, discount: float) -
     -----
     Source: line 5 of algorithms 5 and 6.  What follows the last step counts as 0.
     """
-    return _discounted_sums(_checked(rewards, packing), packing, _fraction("discount", discount))
+    return _discounted_sums(
+        _checked(rewards, packing), packing, check_fraction("discount", discount)
+    )
 
 
 def advantages(
@@ -83,7 +85,7 @@ def advantages(
     advantage estimation.
     """
     rewards, values = _checked(rewards, packing), _checked(values, packing)
-    discount, trace = _fraction("discount", discount), _fraction("trace", trace)
+    discount, trace = check_fraction("discount", discount), check_fraction("trace", trace)
     following = np.zeros_like(values)
     following[packing.previous] = values[packing.n_episodes :]
     if last_values is not None:
@@ -116,7 +118,8 @@ def _checked(values: FloatArray, packing: Packing) -> FloatArray:
     return array
 
 
-def _fraction(name: str, value: float) -> float:
+def check_fraction(name: str, value: float) -> float:
+    """Return a number in [0, 1]; ValueError for any other."""
     if not 0 <= value <= 1:
         raise ValueError(f"{name} is {value}, but it must be in [0, 1].")
     return float(value)

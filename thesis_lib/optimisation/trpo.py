@@ -10,6 +10,7 @@ from thesis_lib.optimisation.problem import (
     Batch,
     LocalProblem,
     UpdateReport,
+    check_direction,
     check_positive,
     report,
 )
@@ -38,7 +39,8 @@ class TRPO:
     Raises
     ------
     ValueError
-        When a setting is not positive, or the ratio is not below 1.
+        When a setting is not positive, the ratio is not below 1, or the direction does not
+        exist.
     """
 
     delta: float = 0.01
@@ -51,6 +53,7 @@ class TRPO:
     def __post_init__(self) -> None:
         for name in ("delta", "cg_iterations", "damping", "backtrack_ratio", "max_backtracks"):
             check_positive(name, getattr(self, name))
+        check_direction(self.kl_direction)
         if self.backtrack_ratio >= 1:
             raise ValueError(
                 f"backtrack_ratio is {self.backtrack_ratio}, but it must be below 1 for the line "

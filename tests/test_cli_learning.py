@@ -1,0 +1,295 @@
+"""The commands `thesis train` and `thesis evaluate`."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+from PIL import Image
+
+from thesis_lib import cli
+from thesis_lib.experiments.base import load
+from thesis_lib.experiments.evaluation import EvaluateConfig, evaluate
+from thesis_lib.experiments.training import (
+    TIMING_COLUMNS,
+    Training,
+    read_checkpoint,
+    use_one_thread,
+)
+from thesis_lib.locomotion.rendering import NoGL, choose_backend
+
+SMALL = ["--task", "half-cheetah", "--batch-steps", "100", "--horizon", "50"]
+
+
+@pytest.fixture(autouse=True)
+def _one_thread() -> None:
+    use_one_thread()
+
+
+@pytest.fixture(scope="module")
+def checkpoint(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("gru")
+    arguments = ["--architecture", "gru", "--iterations", "2", "--out", str(folder)]
+    assert cli.main(["train", *SMALL, *arguments]) == 0
+    return folder
+
+
+def started(folder: Path, *arguments: str) -> subprocess.Popen:
+    """A training in a process of its own, some iterations after it began."""
+    command = [sys.executable, "-m", "thesis_lib.cli", "train", *SMALL, *arguments]
+    process = subprocess.Popen(
+        [*command, "--out", str(folder)], stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    record, deadline = folder / "run.json", time.monotonic() + 120
+    while time.monotonic() < deadline and process.poll() is None:
+        if record.exists() and json.loads(record.read_text())["iteration"] >= 4:
+            return process
+        time.sleep(0.01)
+    raise AssertionError("the training did not come to its fourth iteration")
+
+
+# ----------------------------------------------------------------------------------- training
+def test_train_says_what_it_did(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["train", *SMALL, "--seed", "3", "--iterations", "2", "--out", str(tmp_path)]
+    assert cli.main(arguments) == 0
+    printed = capsys.readouterr()
+    assert printed.err == ""  # progress is for terminals
+    run = Training.load(tmp_path)
+    assert "dtrnn on HalfCheetah (flat), seed 3: 2 iterations, 200 steps" in printed.out
+    assert f"{run.curve.mean_return[0]:.1f} in the first iteration" in printed.out
+    assert str(tmp_path / "curve.csv") in printed.out
+    assert str(tmp_path / "checkpoint.pt") in printed.out
+    # the same command again has nothing to do, and a larger number of iterations goes on
+    assert cli.main(arguments) == 0
+    pd.testing.assert_frame_equal(Training.load(tmp_path).curve, run.curve)
+    arguments[arguments.index("--iterations") + 1] = "3"
+    assert cli.main(arguments) == 0
+    assert Training.load(tmp_path).iteration == 3
+    arguments[arguments.index("--iterations") + 1] = "1"
+    assert cli.main(arguments) == 2
+    assert "has 3 iterations already, more than the 1 asked for" in capsys.readouterr().err
+    assert cli.main([*arguments, "--no-resume"]) == 2
+    assert "already holds a run" in capsys.readouterr().err
+
+
+def test_a_run_killed_outright_goes_on_to_the_same_bits(tmp_path: Path) -> None:
+    common = ["--architecture", "ctrnn", "--iterations", "400", "--checkpoint-every", "3"]
+    process = started(tmp_path / "killed", *common)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+    kept = read_checkpoint(tmp_path / "killed")["iteration"]
+    assert 4 <= kept < 400
+    iterations = str(kept + 5)
+    for folder in ("killed", "whole"):
+        out = ["--out", str(tmp_path / folder), "--iterations", iterations]
+        assert cli.main(["train", *SMALL, *common, *out]) == 0
+    one, two = (read_checkpoint(tmp_path / d) for d in ("killed", "whole"))
+    assert one["iteration"] == two["iteration"] == kept + 5
+    for name, value in two["policy"].items():
+        assert torch.equal(one["policy"][name], value)
+    assert torch.equal(one["baseline"], two["baseline"])
+    curves = [
+        pd.read_csv(tmp_path / d / "curve.csv").drop(columns=list(TIMING_COLUMNS))
+        for d in ("killed", "whole")
+    ]
+    pd.testing.assert_frame_equal(*curves, check_exact=True)
+    names = ["checkpoint.pt", "curve.csv", "run.json"]
+    assert set(names) <= {p.name for p in (tmp_path / "killed").iterdir()}
+
+
+def test_interruption_says_where_the_last_checkpoint_is(tmp_path: Path) -> None:
+    process = started(tmp_path, "--iterations", "100000", "--checkpoint-every", "4")
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == 130
+    kept = read_checkpoint(tmp_path)["iteration"]
+    assert kept % 4 == 0
+    assert f"the last checkpoint, of iteration {kept}, is in {tmp_path}" in error
+    assert "give the same command again" in error
+    assert "Traceback" not in error
+
+
+def test_two_processes_do_not_train_into_one_directory(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    process = started(tmp_path, "--iterations", "100000", "--checkpoint-every", "4")
+    try:
+        same = ["--iterations", "100000", "--checkpoint-every", "4", "--out", str(tmp_path)]
+        assert cli.main(["train", *SMALL, *same]) == 2
+    finally:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+    assert "another process is training in" in capsys.readouterr().err
+
+
+def test_a_number_that_is_not_finite_stops_the_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    step = Training.step
+
+    def spoilt(run: Training) -> dict:
+        if run.iteration == 2:
+            with torch.no_grad():
+                run.policy.log_std[0] = float("inf")
+        return step(run)
+
+    monkeypatch.setattr(Training, "step", spoilt)
+    arguments = ["--iterations", "5", "--checkpoint-every", "1", "--out", str(tmp_path)]
+    assert cli.main(["train", *SMALL, *arguments]) == 1
+    error = capsys.readouterr().err
+    assert "training stopped in iteration 3: " in error
+    assert "not finite" in error
+    assert "The last good checkpoint, of iteration 2, is in" in error
+    Training.load(tmp_path).policy.check_finite()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--architecture", "mlp"], "architecture 'mlp' does not exist: choose one of ffwd"),
+        (["--task", "humanoid"], "task 'humanoid' does not exist: choose one of Swimmer"),
+        (["--delta-kl", "0"], "delta_kl is 0.0, but it must be positive"),
+        (["--seed", "-1"], "seed is -1"),
+        (["--architecture", "ctrnn", "--time-constant", "0.001"], "time_constant is 0.001 s"),
+        (["--architecture", "ctrnn", "--integrator", "rk4"], "integrator 'rk4' does not exist"),
+        (["--kl-direction", "both"], "choose one of old_new, new_old"),
+        (["--damping", "-1"], "damping is -1.0"),
+        (["--discount", "2"], "discount is 2.0"),
+        (["--trace", "-1"], "trace is -1.0"),
+        (["--reading", "novel"], "reading"),
+        (["--leak", "0.9"], "--leak has no effect here, only with architecture esn"),
+        (["--maps", "3"], "--maps has no effect here, only with terrain hill"),
+        (["--velocity", "3"], "'--velocity' is not known: see `thesis train --help`"),
+    ],
+)
+def test_bad_input_to_train_is_one_sentence(
+    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = ["--out", str(tmp_path), "--iterations", "1", "--batch-steps", "50"]
+    assert cli.main(["train", *out, *arguments]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_another_net_in_the_directory(checkpoint: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    other = ["--architecture", "lstm", "--iterations", "2", "--out", str(checkpoint)]
+    assert cli.main(["train", *SMALL, *other]) == 2
+    assert "was trained with architecture 'gru', not 'lstm'" in capsys.readouterr().err
+
+
+# ------------------------------------------------------------------------------------ testing
+def test_evaluate_prints_and_writes_the_test(
+    checkpoint: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["--runs", "3", "--steps", "40", "--noise", "0.5", "--onset", "10"]
+    command = ["evaluate", str(checkpoint), *arguments, "--out", str(tmp_path)]
+    assert cli.main(command) == 0
+    printed = capsys.readouterr().out
+    config = EvaluateConfig(runs=3, steps=40, perturbations=("WhiteNoise(sigma=0.5, onset=10)",))
+    expected = evaluate(checkpoint, config)
+    table, record = load("evaluation", tmp_path)
+    pd.testing.assert_frame_equal(table, expected)
+    assert list(record["columns"]) == list(table.columns)
+    assert record["summary"]["mean_return"] == pytest.approx(expected["return"].mean())
+    assert record["trained"]["architecture"] == "gru"
+    assert record["iteration"] == 2
+    assert record["config"]["perturbations"] == list(config.perturbations)
+    assert record["command"].startswith("thesis evaluate ")
+    assert "WhiteNoise(sigma=0.5, onset=10)" in printed
+    assert "gru on HalfCheetah, trained on flat ground for 2 iterations" in printed
+    assert "mean_return" in printed
+    assert f"{expected['return'].mean():.5g}" in printed
+
+
+def test_all_flags_together(checkpoint: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    flags = [
+        *("--dead-sensors", "pitch", "--dead-actuators", "bfoot", "bshin", "--delay", "1"),
+        *("--mass", "1.2", "--friction", "0.8", "--push", "0.5", "0", "0", "--switch-at", "2"),
+        *("--difficulty", "0.2", "--no-greedy", "--termination", "never"),
+        *("--perturbations", "WhiteNoise(sigma=0.1, onset=3)"),
+    ]
+    command = ["evaluate", str(checkpoint), "--runs", "2", "--steps", "20", *flags]
+    assert cli.main(command) == 0
+    printed = capsys.readouterr().out
+    for name in ("SensorFailure", "ActuatorFailure", "ActionDelay", "MassChange", "Push"):
+        assert f"{name}(" in printed
+    assert "TerrainSwitch(difficulty=0.2, switch_at=2.0" in printed
+
+
+def test_a_film_on_demand(checkpoint: Path, tmp_path: Path) -> None:
+    try:
+        choose_backend()
+    except NoGL:
+        return  # what is said then is tested below
+    film = tmp_path / "run.gif"
+    command = ["evaluate", str(checkpoint), "--runs", "1", "--steps", "12", "--film", str(film)]
+    assert cli.main(command) == 0
+    with Image.open(film) as picture:
+        assert picture.n_frames == 3  # every fourth of 12 steps of 0.01 s
+        assert np.asarray(picture.convert("L")).std() > 0
+
+
+def test_a_film_without_gl_is_one_sentence_after_the_table(
+    checkpoint: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "disable")
+    film = ["--film", str(tmp_path / "run.gif")]
+    assert cli.main(["evaluate", str(checkpoint), "--runs", "2", "--steps", "5", *film]) == 1
+    printed = capsys.readouterr()
+    assert "mean_return" in printed.out
+    assert printed.err.startswith("thesis: No picture can be drawn because")
+    assert printed.err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--task", "ant"], "was trained with task 'HalfCheetah', not 'Ant'"),
+        (["--task", "robot"], "task 'robot' does not exist"),
+        (["--architecture", "esn"], "was trained with architecture 'gru', not 'esn'"),
+        (["--runs", "0"], "runs is 0"),
+        (["--noise", "-2"], "sigma is -2.0"),
+        (["--dead-sensors", "nose"], "there is no sensor 'nose'"),
+        (["--dead-actuators", "tail"], "there is no actuator 'tail'"),
+        (["--perturbations", "Earthquake"], "perturbation 'Earthquake' does not exist"),
+        (["--terrain", "sea"], "terrain 'sea' does not exist"),
+        (["--terrain", "hill", "--difficulty", "-1"], "difficulty is -1"),
+        (["--terrain", "hill", "--switch-at", "3"], "a switch starts on flat ground"),
+        (["--film", "run.mov"], "cannot be written as '.mov'"),
+        (["--film", "run.gif", "--film-run", "20"], "the runs are 0 to 19"),
+    ],
+)
+def test_bad_input_to_evaluate_is_one_sentence(
+    arguments: list[str], message: str, checkpoint: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["evaluate", str(checkpoint), *arguments]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_checkpoints_that_cannot_be_read(
+    checkpoint: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["evaluate", str(tmp_path / "nothing.pt")]) == 2
+    assert "there is no checkpoint at" in capsys.readouterr().err
+    content = torch.load(checkpoint / "checkpoint.pt", weights_only=True)
+    torch.save(content | {"format": 0}, tmp_path / "checkpoint.pt")
+    assert cli.main(["evaluate", str(tmp_path)]) == 2
+    assert "has checkpoint format 0, but this version" in capsys.readouterr().err
+    (tmp_path / "checkpoint.pt").write_bytes(b"nothing of the kind")
+    assert cli.main(["evaluate", str(tmp_path)]) == 2
+    assert "is not a checkpoint of `thesis train`" in capsys.readouterr().err
