@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.stats import binomtest, f, ncf, t
@@ -257,6 +257,7 @@ def test_invariances(seed: int, kind: str, n: int) -> None:
 
 
 @settings(deadline=None, max_examples=40)
+@example(seed=4635, kind="binary", n=4)
 @given(seed=seeds, kind=kinds, n=st.integers(4, 7))
 @pytest.mark.parametrize("selector", [JackknifeF(), FSTEK(alpha=1e-3), IBKR()])
 def test_constant_and_duplicate_features_are_removed(
@@ -277,7 +278,13 @@ def test_constant_and_duplicate_features_are_removed(
     # as what it keeps for good depends on the order of removals.
     assert not (selected[1] and selected[3])
     if not isinstance(selector, FSTEK):
-        assert [bool(selected[1] or selected[3]), bool(selected[2])] == narrow.tolist()
+        kept = np.array([selected[1] or selected[3], selected[2]])
+        # Features that say the same of the tasks seen are ties, which go by their order.
+        lost = [
+            estimate(solutions, keep(solutions, np.flatnonzero(k).tolist())).observed
+            for k in (kept, narrow)
+        ]
+        assert (kept == narrow).all() or lost[0] == pytest.approx(lost[1], rel=1e-9, abs=1e-12)
 
 
 def test_labels_are_those_of_the_features_kept() -> None:

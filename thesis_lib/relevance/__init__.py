@@ -31,9 +31,10 @@ from thesis_lib.relevance.sequences import (
     sampled_k_relevance,
     sequence_covariance,
 )
-from thesis_lib.relevance.solutions import Solutions, TaskTable
+from thesis_lib.relevance.solutions import ACTION, Solutions, TaskTable
 
 __all__ = [
+    "ACTION",
     "Cells",
     "Estimate",
     "FeatureCells",

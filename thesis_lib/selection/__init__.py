@@ -17,6 +17,7 @@ from thesis_lib.selection.fitting import (
 from thesis_lib.selection.fstek import FSTEK, IBKR, bkr, fr
 from thesis_lib.selection.jackknife import JackknifeF, f_threshold
 from thesis_lib.selection.roc import rates
+from thesis_lib.selection.task import TaskRelevance, task_explained, unseen_share
 
 __all__ = [
     "FSTEK",
@@ -31,6 +32,7 @@ __all__ = [
     "RandomSelection",
     "Round",
     "Selector",
+    "TaskRelevance",
     "bkr",
     "f_threshold",
     "fit_exponential",
@@ -38,5 +40,7 @@ __all__ = [
     "fr",
     "fstek_threshold",
     "rates",
+    "task_explained",
     "triangle_alpha",
+    "unseen_share",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -165,7 +165,7 @@ def fstek_threshold(n: int, alpha: float) -> float:
             f"n is {n}, but an interval around a fit of 3 parameters needs at least 4 tasks."
         )
     fit = fit_inverse(n)
-    t = student.ppf(1 - level / 2, n - 3)
+    t = student_tail(level / 2, n - 3)
     return float(1 + n * (t * fit.standard_error - fit.asymptote))
 
 
@@ -185,6 +185,20 @@ def triangle_alpha(k: int, first: int = 5) -> float:
     Source: section 4.3, with the words' reading as default.
     """
     return min(max(k - first, 0) * 0.06 + 1e-4, 0.3)
+
+
+@lru_cache(maxsize=4096)
+def student_tail(tail: float, freedom: int) -> float:
+    """Value that Student's t exceeds with probability ``tail``, kept for the next call.
+
+    Parameters
+    ----------
+    tail
+        In (0, 1).
+    freedom
+        Degrees of freedom.
+    """
+    return float(student.isf(tail, freedom))
 
 
 def check_alpha(alpha: Alpha, n: int) -> float:

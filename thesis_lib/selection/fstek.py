@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 from scipy.stats import norm
-from scipy.stats import t as student
 
 from thesis_lib.mdp.checks import generator, one_of, positive_integer
 from thesis_lib.mdp.model import FloatArray
@@ -31,6 +30,7 @@ from thesis_lib.selection.fitting import (
     check_alpha,
     fit_exponential,
     fit_inverse,
+    student_tail,
 )
 
 
@@ -182,7 +182,7 @@ class FSTEK(BackwardElimination):
         one_of("straight", self.straight, ("unsure", "remove"))
         outside = level if self.alpha_is == "significance" else 1 - level
         outside = outside / 2 if self.tail == "two-sided" else outside
-        quantile = float(student.isf(outside, n - 3)) if n > 3 else 0.0
+        quantile = student_tail(outside, n - 3) if n > 3 else 0.0
         curves = _Curves(call.ground, self.max_seqs, range(1, n + 1), generator(self.random_state))
 
         def test(cells: FeatureCells, candidates: list[int]) -> Iterable[Check]:

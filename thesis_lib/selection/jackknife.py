@@ -49,7 +49,6 @@ from typing import Literal
 
 import numpy as np
 from scipy.stats import f as fisher
-from scipy.stats import t as student
 
 from thesis_lib.mdp.checks import one_of
 from thesis_lib.relevance.cells import FeatureCells
@@ -60,7 +59,7 @@ from thesis_lib.relevance.estimators import (
     jackknife_parts,
 )
 from thesis_lib.selection.base import BackwardElimination, Call, Check, KeepForGood, Test
-from thesis_lib.selection.fitting import Alpha, check_alpha
+from thesis_lib.selection.fitting import Alpha, check_alpha, student_tail
 
 
 class JackknifeF(BackwardElimination):
@@ -179,7 +178,7 @@ def f_threshold(n: int, alpha: float, directions: float = 1.0) -> float:
     """
     level = check_alpha(alpha, n)
     if directions == 1.0:
-        return float(student.isf(level / 2, n - 1) ** 2)
+        return student_tail(level / 2, n - 1) ** 2
     return float(fisher.isf(level, directions, (n - 1) * directions))
 
 

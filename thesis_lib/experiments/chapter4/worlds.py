@@ -16,6 +16,7 @@ from thesis_lib.mdp import planning
 from thesis_lib.mdp.checks import one_of
 from thesis_lib.mdp.learning import learn
 from thesis_lib.mdp.model import BoolArray, FloatArray, IntArray
+from thesis_lib.mdp.sampling import loop_array
 from thesis_lib.relevance import Solutions, keep
 from thesis_lib.selection import ExactRelevance
 
@@ -45,12 +46,19 @@ class World:
     solutions: Solutions
     irrelevant: tuple[str, ...] = ()
     _labels: dict[bytes, tuple[IntArray, int]] = field(default_factory=dict)
+    _rows: dict[int, IntArray] = field(default_factory=dict)
 
     @cached_property
     def truth(self) -> BoolArray:
         """Which features are domain relevant, shape ``(F,)``: exact, but for ``irrelevant``."""
         selector = ExactRelevance(distribution=self.domain.distribution).fit(self.solutions)
         return selector.support_ & ~self.solutions.mask(self.irrelevant)
+
+    def rows(self, task: int) -> IntArray:
+        """Row of a potential for each state of a task, -1 outside, in the loops' own form."""
+        if task not in self._rows:
+            self._rows[task] = loop_array(self.domain.observation_index[task], np.int64)
+        return self._rows[task]
 
     @cached_property
     def _weighted(self) -> FloatArray:
