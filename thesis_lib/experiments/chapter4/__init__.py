@@ -15,6 +15,7 @@ from thesis_lib.experiments.chapter4.selection_figures import (
     FIGURE_4_5,
     FIGURE_4_6,
 )
+from thesis_lib.experiments.chapter4.task_relevance import TASK_RELEVANCE
 from thesis_lib.experiments.chapter4.theorems import (
     COROLLARY_1,
     COUNTEREXAMPLES,
@@ -47,4 +48,5 @@ EXPERIMENTS: tuple[Experiment[Any], ...] = (
     FIGURE_4_6,
     CALIBRATION,
     ROC,
+    TASK_RELEVANCE,
 )

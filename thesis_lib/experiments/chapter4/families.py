@@ -183,3 +183,63 @@ def torus(size: int = 4, mud: float = 3.0) -> Domain:
             )
         )
     return Domain("torus", tuple(tasks))
+
+
+def meadow(size: int = 4, bits: int = 3, rare: float = 0.25, bog: float = 4.0) -> Domain:
+    """A walled gridworld under changing weather, most of which does not matter.
+
+    Features: ``x``, ``y`` position, and ``w1`` ... weather bits, each a fair coin at every
+    step.  The goal, worth 10, may be in any cell; a step costs 1.  The middle columns are a
+    bog.  In most tasks the weather is only weather; in some, stepping onto the bog costs
+    ``bog`` more while the first bit, or in as many others while the second, is 1.  The
+    other bits never matter.
+
+    Parameters
+    ----------
+    size
+        Cells on a side.
+    bits
+        Weather bits, at least 2; the table has ``2**bits`` times as many entries as the
+        board needs.
+    rare
+        Share of the tasks in which the first two bits matter, together.
+    bog
+        Extra cost.
+    """
+    n, n_weather = size * size, 2**bits
+    x, y = np.arange(n) % size, np.arange(n) // size
+    moves = [(0, 1), (1, 0), (0, -1), (-1, 0)]
+    to = np.stack(
+        [np.clip(x + i, 0, size - 1) + size * np.clip(y + j, 0, size - 1) for i, j in moves],
+        axis=1,
+    )
+    cell, weather = np.repeat(np.arange(n), n_weather), np.tile(np.arange(n_weather), n)
+    values = (weather[:, None] >> np.arange(bits)[::-1]) & 1
+    features = {"x": x[cell], "y": y[cell], **{f"w{i + 1}": values[:, i] for i in range(bits)}}
+    wet = (x > 0) & (x < size - 1)
+    n_states = n * n_weather
+    transition = np.zeros((n_states, len(moves), n_states))
+    for w in range(n_weather):
+        np.put_along_axis(transition, (to[cell] * n_weather + w)[:, :, None], 1 / n_weather, axis=2)
+    tasks, chances = [], []
+    for goal, cause in product(range(n), (None, 0, 1)):
+        terminal = cell == goal
+        reward = np.where(to[cell] == goal, 9.0, -1.0)
+        if cause is not None:
+            reward = reward - bog * (wet[to[cell]] & (values[:, cause] == 1)[:, None])
+        own = transition.copy()
+        own[terminal] = np.eye(n_states)[terminal][:, None, :]
+        reward[terminal] = 0.0
+        tasks.append(
+            TabularMDP(
+                own,
+                reward,
+                ~terminal / (~terminal).sum(),
+                terminal,
+                discount=0.95,
+                features=features,
+                actions=("N", "E", "S", "W"),
+            )
+        )
+        chances.append((1 - rare if cause is None else rare / 2) / n)
+    return Domain("meadow", tuple(tasks), np.array(chances))

@@ -12,7 +12,7 @@ import pandas as pd
 from thesis_lib.experiments.base import Context, rows
 from thesis_lib.experiments.chapter3.common import Learner
 from thesis_lib.experiments.chapter4.worlds import World
-from thesis_lib.mdp.learning import learn
+from thesis_lib.mdp.batched import total_rewards
 from thesis_lib.mdp.model import BoolArray, FloatArray, IntArray
 from thesis_lib.selection import (
     FSTEK,
@@ -144,7 +144,7 @@ def measure(
         for j, n in enumerate(grid):
             solutions = world.solutions.take(seen[:n])
             tests = world.domain.sample(protocol.tests, rng)
-            draws = rng.integers(2**63, size=protocol.tests)
+            streams = _Streams(rng.integers(2**63, size=protocol.tests))
             known: dict[bytes, float] = {}
             for i, method in enumerate(protocol.methods):
                 selector = available[method]
@@ -156,16 +156,41 @@ def measure(
                 code = kept.tobytes()
                 if code not in known:
                     phi = world.potential(seen[:n], kept, protocol.unseen)
-                    known[code] = _mean_return(world, learner, phi, tests, draws)
+                    known[code] = _mean_return(world, learner, phi, tests, streams)
                 returns[i, j] = known[code]
         return returns, support, unsure
 
     results = context.map(one, context.seeds(protocol.runs, 4, key), world.domain.name)
     returns, support, unsure = (np.stack(part) for part in zip(*results, strict=True))
+    return rows(summarise(protocol, returns, support, unsure, world.truth))
+
+
+def summarise(
+    protocol: Protocol,
+    returns: FloatArray,
+    support: BoolArray,
+    unsure: IntArray,
+    truth: BoolArray,
+) -> list[dict[str, float | str | int]]:
+    """Rows of :data:`COLUMNS` from the runs, one a method and number of tasks.
+
+    Parameters
+    ----------
+    protocol
+        Its methods and numbers of tasks name the axes.
+    returns
+        Mean return of the test tasks, shape ``(runs, methods, numbers of tasks)``.
+    support
+        Features kept, shape ``(runs, methods, numbers of tasks, F)``.
+    unsure
+        Number of features kept for want of a reliable estimate, shaped as ``returns``.
+    truth
+        Which features are domain relevant, shape ``(F,)``.
+    """
     records = []
     for i, method in enumerate(protocol.methods):
-        for j, n in enumerate(grid):
-            fpr, tpr = rates(support[:, i, j], world.truth)
+        for j, n in enumerate(protocol.tasks_seen):
+            fpr, tpr = rates(support[:, i, j], truth)
             own = mean_ci(returns[:, i, j])
             record: dict[str, float | str | int] = {
                 "method": method,
@@ -184,25 +209,37 @@ def measure(
                 record[label] = gap.mean
                 record[f"{label}_ci95"] = gap.half_width
             records.append(record)
-    return rows(records)
+    return records
 
 
 def _mean_return(
-    world: World, learner: Learner, phi: FloatArray, tests: IntArray, draws: IntArray
+    world: World, learner: Learner, phi: FloatArray, tests: IntArray, streams: _Streams
 ) -> float:
-    total = 0.0
-    for m, seed in zip(tests, draws, strict=True):
-        total += learn(
-            world.domain.tasks[m],
-            learner.method,
-            alpha=learner.alpha,
-            epsilon=learner.epsilon,
-            episodes=learner.episodes,
-            steps=learner.steps,
-            initial_q=world.domain.scatter(phi, int(m)),
-            rng=int(seed),
-        ).total_reward
-    return total / len(tests)
+    rewards = total_rewards(
+        [world.domain.tasks[m] for m in tests],
+        learner.method,
+        alpha=learner.alpha,
+        epsilon=learner.epsilon,
+        episodes=learner.episodes,
+        steps=learner.steps,
+        function=phi,
+        index=[world.rows(int(m)) for m in tests],
+        rngs=streams.rewound(),
+    )
+    return sum(rewards.tolist()) / len(tests)
+
+
+class _Streams:
+    """Generators of the test tasks, set back to their start for every method."""
+
+    def __init__(self, seeds: IntArray) -> None:
+        self._rngs = [np.random.default_rng(int(seed)) for seed in seeds]
+        self._starts = [rng.bit_generator.state for rng in self._rngs]
+
+    def rewound(self) -> list[np.random.Generator]:
+        for rng, start in zip(self._rngs, self._starts, strict=True):
+            rng.bit_generator.state = start
+        return self._rngs
 
 
 COLUMNS = {
