@@ -122,3 +122,10 @@ def test_standardised_advantages_and_bootstrap() -> None:
     first = weights @ [0, 0, 0.01, 1e-4, 1e-6, 1]
     expected = 4.0 + 0.5 * last - first
     assert float(recorder.batches[1].advantages[3]) == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["discount", "trace"])
+def test_fractions(name: str) -> None:
+    policy = make_policy("ffwd", 1, 1, dt=0.1)
+    with pytest.raises(ValueError, match=rf"{name} is 1\.5, but it must be in \[0, 1\]"):
+        Learner(policy, Recorder(), **{name: 1.5})

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from tests.optimisation.batches import batch_for
 from tests.policies.networks import VARIANTS, double_backpropagation, network, relative
-from thesis_lib.optimisation import Batch, LocalProblem, Rollouts, make_batch
+from thesis_lib.optimisation import TRPO, Batch, LocalProblem, Rollouts, make_batch
 from thesis_lib.policies import (
     GaussianPolicy,
     Packing,
@@ -55,7 +55,9 @@ def fisher_matrix(policy: GaussianPolicy, batch: Batch) -> Tensor:
     return total
 
 
-@pytest.mark.parametrize("variant", ["ffwd", "dtrnn", "ctrnn", "gru", "lstm", "esn"])
+@pytest.mark.parametrize(
+    "variant", ["ffwd", "deep and small", "dtrnn", "ctrnn", "gru", "lstm", "esn"]
+)
 def test_against_the_explicit_fisher_matrix(variant: str) -> None:
     policy = network(variant)
     batch = batch_for(policy, (3, 1, 4))
@@ -200,6 +202,8 @@ def test_bad_arguments() -> None:
     policy = network("gru")
     with pytest.raises(ValueError, match="choose one of old_new, new_old"):
         LocalProblem(policy, batch_for(policy), "both")
+    with pytest.raises(ValueError, match="choose one of old_new, new_old"):
+        TRPO(kl_direction="both")
     batch = batch_for(policy)
     batch.advantages[0] = float("nan")
     with pytest.raises(FloatingPointError, match="the gradient of parameter"):

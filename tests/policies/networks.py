@@ -25,6 +25,7 @@ RECURRENT = ("dtrnn", "ctrnn", "gru", "lstm", "esn")
 VARIANTS: dict[str, tuple[str, dict[str, Any]]] = {
     **{name: (name, {}) for name in ARCHITECTURES},
     "linear": ("ffwd", {"hidden": (), "bias": False}),
+    "deep and small": ("dffwd", {"hidden": (5, 4, 3)}),
     "ffwd with previous action": ("ffwd", {"previous_action": True}),
     "dtrnn without bias": ("dtrnn", {"bias": False}),
     "dtrnn without previous action": ("dtrnn", {"previous_action": False}),

@@ -27,6 +27,7 @@ CHAPTERS = (
     "thesis_lib.claims.appendix_a",
     "thesis_lib.claims.chapter4",
     "thesis_lib.claims.chapter5",
+    "thesis_lib.claims.learning",
 )
 
 ItemT = TypeVar("ItemT")
