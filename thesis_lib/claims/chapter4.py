@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from thesis_lib.claims import Claim, Difference, Finding, Tables, Verdict
+from thesis_lib.claims import Claim, Difference, Finding, Tables, Verdict, chapter4_heat
 from thesis_lib.stats import Summary, holm, welch
 
 ALPHA = 0.05
@@ -940,6 +940,7 @@ CLAIMS: tuple[Claim, ...] = (
         "G, and more at the highest.",
         stock_importance,
     ),
+    *chapter4_heat.CLAIMS,
     Claim(
         "4.3.1-few-tasks",
         "4.3.1",
@@ -948,6 +949,7 @@ CLAIMS: tuple[Claim, ...] = (
         "The largest gain over no selection at no more than six tasks, in every domain.",
         few_tasks_benefit,
     ),
+    *chapter4_heat.SUMMARY,
     Claim(
         "4.5-alpha",
         "4.5",
@@ -1124,4 +1126,5 @@ DIFFERENCES: tuple[Difference, ...] = (
         "`Protocol.tasks_seen`",
         "None on the claims, which are about few tasks.",
     ),
+    *chapter4_heat.DIFFERENCES,
 )

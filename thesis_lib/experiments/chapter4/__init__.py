@@ -7,6 +7,8 @@ from thesis_lib.experiments.chapter4.calibration import CALIBRATION, ROC
 from thesis_lib.experiments.chapter4.cost import COST
 from thesis_lib.experiments.chapter4.curves import FIGURE_4_1, FIGURE_4_2
 from thesis_lib.experiments.chapter4.domains_compared import RELEVANCES
+from thesis_lib.experiments.chapter4.heat import FIGURE_4_7, FIGURE_4_8
+from thesis_lib.experiments.chapter4.heat_readings import HEAT_READINGS, HEAT_RELEVANCE
 from thesis_lib.experiments.chapter4.readings import READINGS_COMPARED
 from thesis_lib.experiments.chapter4.selection_figures import (
     EPISODIC,
@@ -46,6 +48,10 @@ EXPERIMENTS: tuple[Experiment[Any], ...] = (
     FIGURE_4_5,
     EPISODIC,
     FIGURE_4_6,
+    HEAT_RELEVANCE,
+    FIGURE_4_7,
+    FIGURE_4_8,
+    HEAT_READINGS,
     CALIBRATION,
     ROC,
     TASK_RELEVANCE,

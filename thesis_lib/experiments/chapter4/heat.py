@@ -1,0 +1,258 @@
+"""Figures 4.7 and 4.8: feature selection with function approximation, on the heat domain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.experiments.chapter4.heat_worlds import HeatLearner, HeatSpace
+from thesis_lib.experiments.chapter4.protocol import (
+    COLUMNS,
+    Level,
+    Protocol,
+    selectors,
+    summarise,
+)
+from thesis_lib.mdp.model import BoolArray, FloatArray, IntArray
+from thesis_lib.selection import rates
+
+RELEVANT = ("heat", "a")
+"""What counts as domain relevant; see the experiment ``section-4.3-heat``."""
+
+TASKS_SEEN = (3, 4, 5, 6, 7, 8, 10, 12)
+
+
+@dataclass(frozen=True)
+class HeatConfig:
+    """Settings of figures 4.7 and 4.8."""
+
+    space: HeatSpace = field(default_factory=HeatSpace)
+    """The domain, its learner and its features; sigma_slip is .1."""
+    sensors: tuple[float, ...] = (0.01, 0.02, 0.04, 0.06)
+    """Values of sigma_sensor."""
+    protocol: Protocol = field(default_factory=lambda: Protocol(tasks_seen=TASKS_SEEN))
+    """Sizes."""
+    first: int = 5
+    """Episodes of a test task that the left panel counts."""
+    followed: int = 100
+    """Episodes of a test task that the right panel follows; 0 for none."""
+    followed_sensor: float = 0.02
+    """sigma_sensor of the right panel."""
+    followed_at: tuple[int, ...] = (4, 5, 6, 8, 12)
+    """Numbers of observed tasks of the right panel."""
+    fstek: Level = "schedule"
+    """Level of FS-TEK; not printed for this domain."""
+    relevant: tuple[str, ...] = RELEVANT
+    """Truth labels of ROC space, and what ``fixed`` keeps."""
+
+
+@dataclass(frozen=True)
+class Runs:
+    """What the runs at one level of noise give.
+
+    Attributes
+    ----------
+    returns
+        Return of each test episode, mean over test tasks, shape ``(runs, methods, numbers
+        of tasks, episodes)``; NaN for episodes that were not run.
+    support
+        Features kept, shape ``(runs, methods, numbers of tasks, F)``.
+    unsure
+        Number of features FS-TEK was unsure about, shape ``(runs, methods, numbers)``.
+    """
+
+    returns: FloatArray
+    support: BoolArray
+    unsure: IntArray
+
+
+def measure_heat(config: HeatConfig, space: HeatSpace, context: Context, test: bool) -> Runs:
+    """Run the protocol at one level of noise.
+
+    Every run learns its own observed tasks afresh, without a potential.  Within a run all
+    methods see the same tasks, test on the same tasks and draw the same random numbers.
+
+    Parameters
+    ----------
+    config
+        Settings.
+    space
+        The domain, with its noise.
+    context
+        Seed and workers.  Levels of noise share the seed, hence the tasks.
+    test
+        Whether to learn the test tasks; without, returns are NaN.
+    """
+    protocol, grid = config.protocol, config.protocol.tasks_seen
+    follow = config.followed > 0 and space.world.sensor == config.followed_sensor
+    length = max(config.first, config.followed if follow else 0)
+
+    def one(seed: np.random.SeedSequence) -> tuple[FloatArray, BoolArray, IntArray]:
+        rng, lessons, picks = (np.random.default_rng(s) for s in seed.spawn(3))
+        observed = space.sample_tasks(max(grid), rng)
+        seen = space.solutions([space.learn(task, lessons) for task in observed])
+        available = selectors(config.fstek, "unsure", config.relevant, picks)
+        shape = len(protocol.methods), len(grid)
+        returns = np.full((*shape, length), np.nan)
+        support = np.empty((*shape, seen.n_features), dtype=bool)
+        unsure = np.zeros(shape, dtype=np.int64)
+        for j, n in enumerate(grid):
+            solutions = seen.take(np.arange(n))
+            tests = space.sample_tasks(protocol.tests, rng)
+            draws = rng.integers(2**63, size=protocol.tests)
+            episodes = length if follow and n in config.followed_at else config.first
+            known: dict[bytes, FloatArray] = {}
+            for i, method in enumerate(protocol.methods):
+                selector = available[method].fit(solutions)
+                support[i, j] = selector.support_
+                unsure[i, j] = len(getattr(selector, "unsure_", ()))
+                if not test:
+                    continue
+                code = selector.support_.tobytes()
+                if code not in known:
+                    phi = space.potential(solutions, selector.support_)
+                    known[code] = np.mean(
+                        [
+                            space.learn(
+                                task, int(draw), episodes=episodes, initial_weights=phi
+                            ).episode_returns
+                            for task, draw in zip(tests, draws, strict=True)
+                        ],
+                        axis=0,
+                    )
+                returns[i, j, :episodes] = known[code]
+        return returns, support, unsure
+
+    label = f"heat, sensor noise {space.world.sensor:g}"
+    results = context.map(one, context.seeds(protocol.runs, 4, 20), label)
+    return Runs(*(np.stack(part) for part in zip(*results, strict=True)))
+
+
+def run_figure_4_7(config: HeatConfig, context: Context) -> pd.DataFrame:
+    """Compute figure 4.7; columns are documented in :data:`FIGURE_4_7`."""
+    records: list[dict[str, float | str | int]] = []
+    for sensor in config.sensors:
+        space = config.space.with_noise(sensor)
+        runs = measure_heat(config, space, context, test=True)
+        records += _records(config, space, runs, 1, config.first, config.protocol)
+        if sensor != config.followed_sensor or not config.followed:
+            continue
+        at = [n for n in config.protocol.tasks_seen if n in config.followed_at]
+        where = [config.protocol.tasks_seen.index(n) for n in at]
+        part = Runs(runs.returns[:, :, where], runs.support[:, :, where], runs.unsure[:, :, where])
+        size = replace(config.protocol, tasks_seen=tuple(at))
+        for episode in range(1, config.followed + 1):
+            records += _records(config, space, part, episode, episode, size)
+    return rows(records)
+
+
+def _records(
+    config: HeatConfig, space: HeatSpace, runs: Runs, first: int, last: int, size: Protocol
+) -> list[dict[str, float | str | int]]:
+    """Rows on the total return of the episodes from ``first`` to ``last``."""
+    total = runs.returns[..., first - 1 : last].sum(axis=-1)
+    truth = _truth(config, space)
+    told = summarise(size, total, runs.support, runs.unsure, truth)
+    head = {"sensor": space.world.sensor, "first_episode": first, "last_episode": last}
+    return [{**head, **record} for record in told]
+
+
+def run_figure_4_8(config: HeatConfig, context: Context) -> pd.DataFrame:
+    """Compute figure 4.8; columns are documented in :data:`FIGURE_4_8`."""
+    records = []
+    for sensor in config.sensors:
+        space = config.space.with_noise(sensor)
+        runs = measure_heat(config, space, context, test=False)
+        truth = _truth(config, space)
+        for i, method in enumerate(config.protocol.methods):
+            for j, n in enumerate(config.protocol.tasks_seen):
+                own = runs.support[:, i, j]
+                fpr, tpr = rates(own, truth)
+                records.append(
+                    {
+                        "sensor": sensor,
+                        "method": method,
+                        "tasks_seen": n,
+                        "fpr": fpr,
+                        "tpr": tpr,
+                        "fpr_ci95": _half_width(own[:, ~truth]),
+                        "tpr_ci95": _half_width(own[:, truth]),
+                        **{
+                            f"keeps_{name}": float(own[:, f].mean())
+                            for f, name in enumerate(space.feature_names)
+                        },
+                        "unsure": float(runs.unsure[:, i, j].mean()),
+                        "n_runs": len(own),
+                    }
+                )
+    return rows(records)
+
+
+def _half_width(kept: BoolArray) -> float:
+    """Half-width of a normal 95% interval of a rate, with runs as the independent units."""
+    share = kept.mean(axis=1)
+    return float(1.96 * share.std(ddof=1) / np.sqrt(len(share)))
+
+
+def _truth(config: HeatConfig, space: HeatSpace) -> BoolArray:
+    return np.isin(space.feature_names, config.relevant)
+
+
+SMALL = HeatConfig(
+    space=HeatSpace(learner=HeatLearner(episodes=20)),
+    sensors=(0.02, 0.06),
+    protocol=Protocol(runs=2, tests=1, tasks_seen=(3, 4, 5)),
+    first=2,
+    followed=3,
+    followed_at=(3, 5),
+)
+
+BOOK = HeatConfig(protocol=Protocol(runs=40, tasks_seen=TASKS_SEEN))
+
+HEAD = {
+    "sensor": "sigma_sensor; sigma_slip is .1",
+    "first_episode": "first episode of a test task that counts, from 1",
+    "last_episode": "last episode that counts",
+}
+
+FIGURE_4_7: Experiment[HeatConfig] = Experiment(
+    id="figure-4.7",
+    item="Figure 4.7",
+    title="Feature selection on the heat domain: return of the first episodes, and by episode.",
+    function=run_figure_4_7,
+    budgets={"smoke": SMALL, "book": BOOK, "thesis": HeatConfig()},
+    columns={
+        **HEAD,
+        **COLUMNS,
+        "mean_return": "mean total reward of these episodes of a test task, over runs",
+    },
+    seconds={"smoke": 1, "book": 40, "thesis": 600},
+)
+
+FIGURE_4_8: Experiment[HeatConfig] = Experiment(
+    id="figure-4.8",
+    item="Figure 4.8",
+    title="Feature selection on the heat domain: ROC space by sensor noise, over tasks seen.",
+    function=run_figure_4_8,
+    budgets={"smoke": SMALL, "book": BOOK, "thesis": HeatConfig()},
+    columns={
+        "sensor": HEAD["sensor"],
+        "method": COLUMNS["method"],
+        "tasks_seen": COLUMNS["tasks_seen"],
+        "fpr": COLUMNS["fpr"],
+        "tpr": COLUMNS["tpr"],
+        "fpr_ci95": "half-width of its normal 95% interval over runs",
+        "tpr_ci95": "half-width of its normal 95% interval over runs",
+        "keeps_x": "share of runs that keep x",
+        "keeps_y": "share of runs that keep y",
+        "keeps_heading": "share of runs that keep the heading",
+        "keeps_heat": "share of runs that keep the heat",
+        "keeps_a": "share of runs that keep the action",
+        "unsure": COLUMNS["unsure"],
+        "n_runs": COLUMNS["n_runs"],
+    },
+    seconds={"smoke": 1, "book": 20, "thesis": 300},
+)
