@@ -278,14 +278,14 @@ class Sweep:
     """Processes, each on one thread; no result depends on their number."""
     out: Path | None = None
     """Where curves.csv and curves.json go; default _build/results/sweep."""
-    runs: Path | None = None
+    runs_in: Path | None = None
     """Where the runs' own directories are; default _build/runs/ and the last part of --out."""
 
     def __call__(self, command: str = "thesis sweep") -> int:
         """Train what is missing; ``command`` goes into the record."""
         configs = _checked(sweeps.Grid, self.grid).runs(_checked(TrainConfig, self.settings))
         out = writable_directory(self.out or repository_root() / "_build" / "results" / "sweep")
-        runs = self.runs or repository_root() / "_build" / "runs" / out.name
+        runs = self.runs_in or repository_root() / "_build" / "runs" / out.name
         errors: dict[str, str] = {}
 
         def report(outcome: sweeps.Outcome, ended: int) -> None:
@@ -353,6 +353,21 @@ class Book:
         return int(build(budget=self.budget, seed=self.seed, only=self.only) or 0)
 
 
+def _recorded(arguments: Sequence[str]) -> str:
+    """The command line for a record, without what depends on the machine and not the result."""
+    kept: list[str] = []
+    skip = False
+    for argument in arguments:
+        name = argument.partition("=")[0].replace("_", "-")
+        if name in ("--out", "--runs-in", "--workers", "--film"):
+            skip = "=" not in argument
+        elif skip:
+            skip = False
+        else:
+            kept.append(argument)
+    return f"thesis {shlex.join(kept)}"
+
+
 def _text(table: pd.DataFrame, most: int = 60) -> str:
     """A table as text, long ones with their middle left out."""
     shown = table
@@ -383,7 +398,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if unknown:
             raise ValueError(f"{unknown[0]!r} is not known: see `thesis {arguments[0]} --help`.")
         if isinstance(command, Evaluate | Sweep):
-            return command(f"thesis {shlex.join(arguments)}")
+            return command(_recorded(arguments))
         return int(command())
     except (ValueError, FileNotFoundError) as error:
         print(f"thesis: {error}", file=sys.stderr)
