@@ -18,6 +18,7 @@ from thesis_lib import cli
 from thesis_lib.experiments.base import load
 from thesis_lib.experiments.evaluation import EvaluateConfig, evaluate
 from thesis_lib.experiments.training import (
+    FILES,
     TIMING_COLUMNS,
     Training,
     read_checkpoint,
@@ -84,6 +85,8 @@ def test_a_run_killed_outright_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     process = started(tmp_path / "killed", *common)
     os.killpg(process.pid, signal.SIGKILL)
     process.communicate()
+    # what a run leaves that is killed while it writes
+    (tmp_path / "killed" / ".checkpoint.pt.x1y2").write_bytes(b"half a")
     kept = read_checkpoint(tmp_path / "killed")["iteration"]
     assert 4 <= kept < 400
     iterations = str(kept + 5)
@@ -100,8 +103,7 @@ def test_a_run_killed_outright_goes_on_to_the_same_bits(tmp_path: Path) -> None:
         for d in ("killed", "whole")
     ]
     pd.testing.assert_frame_equal(*curves, check_exact=True)
-    names = ["checkpoint.pt", "curve.csv", "run.json"]
-    assert set(names) <= {p.name for p in (tmp_path / "killed").iterdir()}
+    assert {p.name for p in (tmp_path / "killed").iterdir()} == set(FILES)
 
 
 def test_interruption_says_where_the_last_checkpoint_is(tmp_path: Path) -> None:
@@ -290,6 +292,13 @@ def test_checkpoints_that_cannot_be_read(
     torch.save(content | {"format": 0}, tmp_path / "checkpoint.pt")
     assert cli.main(["evaluate", str(tmp_path)]) == 2
     assert "has checkpoint format 0, but this version" in capsys.readouterr().err
+    torch.save(content | {"config": content["config"] | {"wings": 2}}, tmp_path / "checkpoint.pt")
+    assert cli.main(["evaluate", str(tmp_path)]) == 2
+    assert "has a setting this version does not have" in capsys.readouterr().err
+    other = content["config"] | {"architecture": "dtrnn"}
+    torch.save(content | {"config": other}, tmp_path / "checkpoint.pt")
+    assert cli.main(["evaluate", str(tmp_path)]) == 2
+    assert "has parameters that are not those of dtrnn" in capsys.readouterr().err
     (tmp_path / "checkpoint.pt").write_bytes(b"nothing of the kind")
     assert cli.main(["evaluate", str(tmp_path)]) == 2
     assert "is not a checkpoint of `thesis train`" in capsys.readouterr().err

@@ -302,8 +302,18 @@ class Sweep:
             print(f"[{ended}/{len(configs)}] {name}: {news}", flush=True)
             sweeps.write(configs, runs, out, command=command, errors=errors)
 
-        sweeps.sweep(configs, runs, workers=self.workers, report=report)
-        print(_text(sweeps.summary(sweeps.merged(configs, runs)), most=500))
+        try:
+            sweeps.sweep(configs, runs, workers=self.workers, report=report)
+        except KeyboardInterrupt:
+            print(
+                f"\nthesis: interrupted; the runs are kept in {runs}: give the same command again "
+                "to go on from their last checkpoints.",
+                file=sys.stderr,
+            )
+            return 130
+        table = sweeps.summary(sweeps.merged(configs, runs))
+        same = [c for c in sweeps.GRID_COLUMNS if c != "task" and table[c].nunique() == 1]
+        print(_text(table.drop(columns=same), most=len(table)))
         if len(self.grid.precisions) > 1:
             print(_text(pd.read_csv(out / "precision.csv")))
         print(f"{len(configs) - len(errors)} of {len(configs)} runs, written to {out}")

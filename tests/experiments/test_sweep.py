@@ -181,17 +181,41 @@ ARGUMENTS = [
 ]
 
 
-def test_a_killed_sweep_goes_on_to_the_same_curves(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "thesis_lib.cli", "sweep", *ARGUMENTS]
-    killed = [*command, "--out", str(tmp_path / "killed"), "--runs-in", str(tmp_path / "runs")]
-    process = subprocess.Popen(killed, stdout=subprocess.DEVNULL, start_new_session=True)
-    first = tmp_path / "runs" / "hopper-flat-ffwd-0-float32" / "checkpoint.pt"
+def started(folder: Path, *arguments: str) -> subprocess.Popen:
+    """A sweep in a process of its own, when its first run has begun."""
+    command = [sys.executable, "-m", "thesis_lib.cli", "sweep", *arguments]
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    first = folder / "hopper-flat-ffwd-0-float32" / "checkpoint.pt"
     deadline = time.monotonic() + 120
     while not first.exists() and time.monotonic() < deadline:
         time.sleep(0.02)
+    assert first.exists()
+    return process
+
+
+def test_interruption_ends_the_runs_and_says_how_to_go_on(tmp_path: Path) -> None:
+    arguments = [*ARGUMENTS, "--iterations", "100000"]
+    places = ["--out", str(tmp_path / "out"), "--runs-in", str(tmp_path / "runs")]
+    process = started(tmp_path / "runs", *arguments, *places)
+    os.killpg(process.pid, signal.SIGINT)
+    _, error = process.communicate(timeout=60)  # returns when the run's process has ended too
+    assert process.returncode == 130
+    assert f"interrupted; the runs are kept in {tmp_path / 'runs'}" in error
+    assert "Traceback" not in error
+
+
+def test_a_killed_sweep_goes_on_to_the_same_curves(tmp_path: Path) -> None:
+    places = ["--out", str(tmp_path / "killed"), "--runs-in", str(tmp_path / "runs")]
+    process = started(tmp_path / "runs", *ARGUMENTS, *places)
     os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
-    assert cli.main(["sweep", *ARGUMENTS, *killed[-4:]]) == 0
+    process.communicate()
+    assert cli.main(["sweep", *ARGUMENTS, *places]) == 0
     whole = ["--out", str(tmp_path / "whole"), "--runs-in", str(tmp_path / "others")]
     assert cli.main(["sweep", *ARGUMENTS, *whole, "--workers", "2"]) == 0
     one, two = (pd.read_csv(tmp_path / d / "curves.csv") for d in ("killed", "whole"))

@@ -53,6 +53,9 @@ from thesis_lib.published import load as published
 FORMAT = 1
 """Version of the checkpoints this library writes and reads."""
 
+FILES = ("checkpoint.pt", "curve.csv", "run.json")
+"""What a run keeps in its directory."""
+
 TERRAINS = ("flat", "hill")
 ALGORITHMS = ("trpo", "vpg", "natural", "ppo")
 FEATURES = ("thesis", "full")
@@ -514,7 +517,10 @@ class Training:
             When it cannot be read, has another format or belongs to another run.
         """
         content = read_checkpoint(path)
-        saved = TrainConfig(**content["config"])
+        try:
+            saved = TrainConfig(**content["config"])
+        except TypeError as error:
+            raise _foreign(path, f"a setting this version does not have ({error})") from error
         if config is not None:
             for name in differences(content["config"], config):
                 raise ValueError(
@@ -529,7 +535,12 @@ class Training:
                     "choose another directory."
                 )
         run = cls(config or saved)
-        run.policy.load_state_dict(content["policy"])
+        try:
+            run.policy.load_state_dict(content["policy"])
+        except RuntimeError as error:
+            raise _foreign(
+                path, f"parameters that are not those of {saved.architecture}"
+            ) from error
         if content["baseline"] is not None:
             run.learner.baseline.weights = content["baseline"].numpy()
         if isinstance(run.learner.algorithm, PPO):
@@ -537,6 +548,13 @@ class Training:
         run.iteration = content["iteration"]
         run.rows = content["rows"]
         return run
+
+
+def _foreign(path: Path | str, what: str) -> ValueError:
+    return ValueError(
+        f"the checkpoint in {str(path)!r} has {what}: train again, or use the version of "
+        "thesis_lib that wrote it."
+    )
 
 
 def differences(saved: Mapping[str, Any], config: TrainConfig) -> list[str]:
@@ -644,8 +662,11 @@ def _train(
         )
     run = Training.load(folder, config) if has_checkpoint and folder else Training(config)
     if folder is not None:
-        # Also on resuming: a run killed while it saved may have left an older curve.
+        # A run killed while it saved may have left an older curve and half a file.
         run.save(folder)
+        for name in FILES:
+            for half in folder.glob(f".{name}.*"):
+                half.unlink()
     try:
         while run.iteration < config.iterations:
             run.step()
