@@ -85,6 +85,32 @@ def test_every_technique_lowers_the_variance(table) -> None:
     assert v["discounted return to go"] > v["discounted return to go, baseline"]
 
 
+def test_no_baseline_leaves_less_variance_than_the_best_one(table) -> None:
+    best = table.loc["return to go, best baseline"]
+    assert best.bias < 1e-10
+    assert best.variance < table.variance["return to go, baseline"]
+    # Any other baseline of state and time is worse: try some at random.
+    every = e.trajectories(6)
+    score = e.scores(e.THETA)[every.states, every.actions]
+    reward = e.REWARD[every.states, every.actions]
+    to_go = reward[:, ::-1].cumsum(axis=1)[:, ::-1]
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        baseline = e.state_values(6, 1.0) + rng.normal(scale=0.5, size=(6, 2))
+        advantage = to_go - baseline[np.arange(6), every.states]
+        sample = (score * advantage[:, :, None]).sum(axis=1)
+        mean = every.probability @ sample
+        variance = every.probability @ ((sample - mean) ** 2).sum(axis=1)
+        assert best.variance < variance
+
+
+def test_value_gradient_against_the_score_function(table) -> None:
+    np.testing.assert_allclose(
+        np.linalg.norm(e.value_gradient(6)), table.gradient_norm["whole return"], rtol=1e-9
+    )
+    assert table.slope_difference["whole return"] < 1e-9
+
+
 def test_td_error_is_the_advantage_on_average_only(table) -> None:
     td = table.loc["TD error"]
     assert td.td_mean_difference < 1e-12 < td.td_difference

@@ -12,11 +12,15 @@ from thesis_lib.experiments.chapter2.policy_search import (
     NAMES,
     SECTION_2_3_5_LANDSCAPE,
     SECTION_2_3_5_LEARNING,
+    SECTION_2_3_5_SETTINGS,
     SECTION_2_3_5_STEPS,
     CurvesConfig,
     LandscapeConfig,
+    SettingsConfig,
+    best_return,
     expected_divergence,
     expected_return,
+    fisher,
     linear_policy,
     parameters,
 )
@@ -57,6 +61,22 @@ def test_divergence_of_one_state_by_quadrature() -> None:
     assert expected_divergence((-0.5, -0.7), (-0.5, -0.4)) == pytest.approx(kl, rel=1e-7)
 
 
+def test_fisher_matrix_against_sampled_scores() -> None:
+    old = (-0.5, -0.7)
+    states, _ = simulate(*old)
+    z = np.random.default_rng(1).normal(size=states.shape)
+    # d log N(ks + sigma z; ks, sigma^2) in k and in log sigma, at every state visited
+    score = np.stack([(z * states / np.exp(old[1])).ravel(), (z**2 - 1).ravel()])
+    np.testing.assert_allclose(fisher(*old), score @ score.T / score.shape[1], rtol=0.01, atol=0.01)
+
+
+def test_fisher_matrix_is_the_curvature_of_the_divergence() -> None:
+    old, h = np.array([-0.5, -0.7]), 1e-4
+    for i, along in enumerate(np.eye(2)):
+        kl = expected_divergence(tuple(old), tuple(old + h * along))
+        assert kl == pytest.approx(0.5 * h**2 * fisher(*old)[i, i], rel=1e-3)
+
+
 def test_a_policy_has_two_parameters() -> None:
     policy = linear_policy(-0.3, -1.0)
     assert policy.n_trainable == 2
@@ -85,6 +105,33 @@ def test_all_of_them_learn_from_the_same_start(curves: pd.DataFrame) -> None:
     assert (last < curves.best_return.max()).all()
 
 
+def test_steps_too_long_are_given_up_and_steps_too_short_get_nowhere() -> None:
+    config = SettingsConfig(
+        vpg=(1e-6, 30.0), natural=(0.5,), trpo=(0.05,), iterations=8, runs=2, batch_steps=400
+    )
+    table = SECTION_2_3_5_SETTINGS.run(config=config).table
+    short, long = (table[table.setting == s] for s in (1e-6, 30.0))
+    assert (short.last_share.abs() < 0.01).all()
+    assert short.arrived.isna().all()
+    assert long.lost.all()
+    trpo = table[table.algorithm == "trpo"]
+    assert (trpo.lowest_share >= 0).all()
+    # the first share is 0 by definition, and no policy can pass the best one
+    assert (table.lowest_share <= 0).all()
+    assert (table.last_share < 1).all()
+
+
+def test_the_shares_are_those_of_the_learning_curves(curves: pd.DataFrame) -> None:
+    config = SettingsConfig(vpg=(0.02,), natural=(0.5,), trpo=(0.05,), iterations=10, runs=3)
+    table = SECTION_2_3_5_SETTINGS.run(config=config).table
+    first = expected_return(0.0, 0.0)
+    for row in table.itertuples():
+        own = curves[(curves.algorithm == row.algorithm) & (curves.run == row.run)]
+        share = (own.expected_return - first) / (best_return() - first)
+        assert row.mean_share == pytest.approx(share.mean(), rel=1e-9)
+        assert row.last_share == pytest.approx(share.iloc[-1], rel=1e-9)
+
+
 def test_threads_change_nothing() -> None:
     config = CurvesConfig(iterations=2, runs=2, batch_steps=200)
     tables = [SECTION_2_3_5_LEARNING.run(config=config, workers=w).table for w in (1, 2)]
@@ -104,17 +151,27 @@ def test_steps_from_one_batch() -> None:
 
 
 def test_the_landscape_holds_the_starts() -> None:
-    config = LandscapeConfig(gains=(-0.2, 0.0, 3), log_stds=(-1.5, 0.0, 4))
+    config = LandscapeConfig(
+        starts=((0.0, 0.0),), windows=(((-0.2, 0.0), (-1.5, 0.0)),), resolution=4
+    )
     table = SECTION_2_3_5_LANDSCAPE.run(config=config).table
-    assert len(table) == 3 * 4 * 3
+    assert len(table) == 4 * 4
     at_start = table[(table.gain == 0) & (table.log_std == 0) & (table.start == 0)]
     assert at_start.kl.tolist() == [0.0]
     assert (table.kl >= 0).all()
 
 
+def test_the_maps_hold_the_bound_around_their_start() -> None:
+    config = LandscapeConfig()
+    for start, ((left, right), (low, high)) in zip(config.starts, config.windows, strict=True):
+        edges = [(left, start[1]), (right, start[1]), (start[0], low), (start[0], high)]
+        assert all(expected_divergence(start, edge) > 0.05 for edge in edges)
+
+
 def test_every_budget_has_its_config() -> None:
     assert [e.id for e in EXPERIMENTS] == [
         "section-2.3.5-learning",
+        "section-2.3.5-settings",
         "section-2.3.5-landscape",
         "section-2.3.5-steps",
     ]

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pandas as pd
 
 from thesis_lib.claims import Claim, Difference, Finding, Tables, Verdict
+from thesis_lib.experiments.chapter2.policy_search import NAMES
 from thesis_lib.stats import mean_ci, welch
 
 EXACT = 1e-9
 """Exact computations agree when they differ by less."""
+
+DIFFERENCED = 1e-8
+"""Central differences agree with an exact slope to this share of it."""
+
+NEAR = 0.9
+"""A baseline counts as near the best one from this share of its reduction of variance on."""
+
+MATTERS = 0.01
+"""Shares of the possible gain that differ by less count as the same, significant or not."""
 
 
 def _p(value: float) -> str:
@@ -102,6 +114,28 @@ def _smallest_step(tables: Tables) -> pd.Series:
     return steps.iloc[0]
 
 
+def _unbiased(tables: Tables) -> Finding:
+    t = _estimators(tables).loc["whole return"]
+    evidence = (
+        "Over all trajectories its expectation differs from the differenced exact value by "
+        f"{t.slope_difference:.0e}, where the gradient has norm {t.gradient_norm:.3g}."
+    )
+    holds = t.slope_difference < DIFFERENCED * t.gradient_norm
+    return Finding(Verdict.REPRODUCED if holds else Verdict.REFUTED, evidence)
+
+
+def _near_optimal(tables: Tables) -> Finding:
+    v = _estimators(tables).variance
+    none, value, best = (v[f"return to go{end}"] for end in ("", ", baseline", ", best baseline"))
+    share = (none - value) / (none - best)
+    evidence = (
+        f"Variance {none:.3g} without a baseline, {value:.3g} with the state's value and "
+        f"{best:.3g} with the best baseline of state and time there is: the value brings "
+        f"{share:.1%} of what a baseline can bring."
+    )
+    return Finding(Verdict.REPRODUCED if share >= NEAR else Verdict.NOT_REPRODUCED, evidence)
+
+
 def _discounting(tables: Tables) -> Finding:
     t = _estimators(tables)
     bias = float(t.bias["discounted whole return"])
@@ -151,6 +185,86 @@ def _td_error(tables: Tables) -> Finding:
         "sample."
     )
     return Finding(Verdict.REPRODUCED if pathwise < EXACT else Verdict.REFUTED, evidence)
+
+
+def _by_setting(tables: Tables, algorithm: str) -> pd.DataFrame:
+    """One row a setting: how many runs arrived, ended below their start, or were lost."""
+    t = tables["section-2.3.5-settings"]
+    by = t[t.algorithm == algorithm].groupby("setting")
+    return pd.DataFrame(
+        {
+            "arrived": by.arrived.apply(lambda x: x.notna().mean()),
+            "worse": by.last_share.apply(lambda x: (x < 0).mean()),
+            "fell": by.lowest_share.apply(lambda x: (x < 0).mean()),
+            "mean": by.mean_share.mean(),
+            "lost": by.lost.mean(),
+        }
+    )
+
+
+def _best(tables: Tables, algorithm: str) -> tuple[float, pd.Series]:
+    """The setting with the highest mean return over all iterations, and its runs' values."""
+    t = tables["section-2.3.5-settings"]
+    setting = float(_by_setting(tables, algorithm)["mean"].idxmax())
+    chosen = (t.algorithm == algorithm) & (t.setting == setting)
+    return setting, t[chosen].mean_share
+
+
+def _step_size(tables: Tables) -> Finding:
+    by = _by_setting(tables, "vpg")
+    t = tables["section-2.3.5-settings"].query("algorithm == 'vpg'")
+    fallen = t[t.lowest_share < 0]
+    stuck = (fallen.last_share < 0).mean() if len(fallen) else 0.0
+    low, high = by.index.min(), by.index.max()
+    evidence = (
+        f"Of vanilla policy gradient's runs with rate {high:g} {by.worse[high]:.0%} end below "
+        f"where they began, with rate {low:g} {by.arrived[low]:.0%} get 90% of the possible gain "
+        f"in {t.iterations.iloc[0]} iterations, and with the best rate, {by['mean'].idxmax():g}, "
+        f"{by.arrived[by['mean'].idxmax()]:.0%}. Of the {len(fallen)} runs that ever fell below "
+        f"their start {stuck:.0%} end there."
+    )
+    bad, slow = by.worse[high] > 0.5 and stuck > 0.5, by.arrived[low] < 0.5
+    if bad and slow and by.arrived.max() > 0.5:
+        return Finding(Verdict.REPRODUCED, evidence)
+    return Finding(Verdict.DIRECTION if bad or slow else Verdict.NOT_REPRODUCED, evidence)
+
+
+def _hard_constraint(tables: Tables) -> Finding:
+    t = tables["section-2.3.5-learning"].dropna(subset="kl_sampled")
+    ratio = (t.kl_sampled / t.delta_kl).groupby(t.algorithm)
+    exact = t[t.algorithm == "trpo"]
+    over = (exact.kl_exact > exact.delta_kl).mean()
+    highest = (exact.kl_exact / exact.delta_kl).max()
+    told = ", ".join(f"{NAMES[a]} {ratio.max()[a]:.3g}" for a in ratio.max().index if a != "trpo")
+    evidence = (
+        f"On its batch TRPO reaches at most {ratio.max()['trpo']:.3f} of the bound, "
+        f"{ratio.median()['trpo']:.2f} of it in the median update; the largest of the others: "
+        f"{told}. In expectation over the states rather than on the batch TRPO is above the bound "
+        f"in {over:.0%} of its updates, by at most a factor {highest:.3f}."
+    )
+    holds = ratio.max()["trpo"] <= 1 + EXACT
+    return Finding(Verdict.REPRODUCED if holds else Verdict.REFUTED, evidence)
+
+
+def _against(other: str, tables: Tables) -> Finding:
+    ours, trpo = _best(tables, "trpo")
+    theirs, rival = _best(tables, other)
+    gap = welch(trpo, rival)
+    width = {k: _decades(_by_setting(tables, k)) for k in ("trpo", other)}
+    evidence = (
+        "Mean share of the possible gain over all iterations, each at its best setting: TRPO "
+        f"(bound {ours:g}) {mean_ci(trpo)}, {NAMES[other]} (rate {theirs:g}) {mean_ci(rival)}; "
+        f"Welch test {_p(gap.p_value)}. All runs arrive over {width['trpo']} of TRPO's bounds and "
+        f"{width[other]} of the other's rates."
+    )
+    if gap.p_value < 0.05 and abs(gap.difference) > MATTERS:
+        return Finding(Verdict.REPRODUCED if gap.difference > 0 else Verdict.REFUTED, evidence)
+    return Finding(Verdict.DIRECTION if gap.difference > 0 else Verdict.NOT_REPRODUCED, evidence)
+
+
+def _decades(by: pd.DataFrame) -> str:
+    good = by.index[by.arrived == 1]
+    return f"a factor {good.max() / good.min():.3g}" if len(good) else "none"
 
 
 def _quadratic(tables: Tables) -> Finding:
@@ -208,6 +322,17 @@ CLAIMS: tuple[Claim, ...] = (
         judge=_sarsa_cannot,
     ),
     Claim(
+        id="2.3.4-unbiased",
+        section="2.3.4",
+        statement="The score-function estimate of the policy gradient is unbiased.",
+        experiments=("section-2.3.4",),
+        criterion=(
+            "Exactly computed: its expectation equals the slope of the exact value, found by "
+            "central differences, to a relative 1e-8."
+        ),
+        judge=_unbiased,
+    ),
+    Claim(
         id="2.3.4-discounting-bias",
         section="2.3.4",
         statement="Discounting reduces the variance of the policy gradient at the cost of bias.",
@@ -232,12 +357,76 @@ CLAIMS: tuple[Claim, ...] = (
         judge=_baseline,
     ),
     Claim(
+        id="2.3.4-near-optimal",
+        section="2.3.4",
+        statement="The state-value function is a near-optimal baseline.",
+        experiments=("section-2.3.4",),
+        criterion=(
+            "Exactly computed: it brings at least 90% of the reduction in variance that the best "
+            "baseline of state and time brings."
+        ),
+        judge=_near_optimal,
+    ),
+    Claim(
         id="2.3.4-td-error",
         section="2.3.4",
         statement="With the state-value function as baseline the advantage is the TD error.",
         experiments=("section-2.3.4",),
         criterion="Exactly computed: equal on every trajectory of a small task.",
         judge=_td_error,
+    ),
+    Claim(
+        id="2.3.5-step-size",
+        section="2.3.5",
+        statement=(
+            "Too long a gradient step makes a bad policy from which it is hard to recover; tiny "
+            "steps make learning inefficient."
+        ),
+        experiments=("section-2.3.5-settings",),
+        criterion=(
+            "On a task with two parameters: at the highest rate most runs of vanilla policy "
+            "gradient end below their start, and so do most runs that ever fell below it; at the "
+            "lowest rate most do not get 90% of the possible gain, which most get at another rate."
+        ),
+        judge=_step_size,
+    ),
+    Claim(
+        id="2.3.5-hard-constraint",
+        section="2.3.5",
+        statement="TRPO puts a hard limit on the divergence between the old and the new policy.",
+        experiments=("section-2.3.5-learning",),
+        criterion="In no update is the mean divergence over the batch's states above the bound.",
+        judge=_hard_constraint,
+    ),
+    Claim(
+        id="2.3.5-penalty",
+        section="2.3.5",
+        statement=(
+            "That TRPO fixes the divergence, where the natural gradient charges for it, makes a "
+            "significant difference."
+        ),
+        experiments=("section-2.3.5-settings",),
+        criterion=(
+            "On a task with two parameters TRPO's return, averaged over iterations, is above the "
+            "natural gradient's of fixed rate by more than 1% of the possible gain, each at its "
+            "best setting; Welch test, p < .05."
+        ),
+        judge=partial(_against, "natural"),
+    ),
+    Claim(
+        id="2.3.5-trpo-better",
+        section="2.3.5",
+        statement=(
+            "TRPO outperforms other policy-gradient methods (said of continuous control; here "
+            "vanilla policy gradient on a small task)."
+        ),
+        experiments=("section-2.3.5-settings",),
+        criterion=(
+            "On a task with two parameters TRPO's return, averaged over iterations, is above "
+            "vanilla policy gradient's by more than 1% of the possible gain, each at its best "
+            "setting; Welch test, p < .05."
+        ),
+        judge=partial(_against, "vpg"),
     ),
     Claim(
         id="2.3.5-kl-quadratic",
@@ -280,6 +469,28 @@ def _fisher(tables: Tables) -> str:
     )
 
 
+def _kl_direction(tables: Tables) -> str:
+    t = tables["section-2.3.5"].sort_values("scale")
+    near = t.iloc[0]
+    far = t.loc[(t.kl_old_new - 0.1).abs().idxmin()]
+    return (
+        f"For a short step the two agree (ratio {near.kl_old_new / near.kl_new_old:.4f}); for one "
+        f"of divergence {far.kl_old_new:.2g} the other order gives {far.kl_new_old:.2g}."
+    )
+
+
+def _no_line_search(tables: Tables) -> str:
+    t = tables["section-2.3.5-learning"].dropna(subset="kl_sampled")
+    free, held = (t[t.algorithm == a] for a in ("natural_delta", "trpo"))
+    over = (free.kl_sampled > free.delta_kl).mean()
+    return (
+        f"Without the search {over:.0%} of updates pass the bound on their own batch, the furthest "
+        f"by a factor {(free.kl_sampled / free.delta_kl).max():.2f}; with it "
+        f"{(held.backtracks > 0).mean():.0%} of updates are shortened, at most "
+        f"{held.backtracks.max():.0f} times."
+    )
+
+
 DIFFERENCES: tuple[Difference, ...] = (
     Difference(
         id="2.3.5-half",
@@ -300,5 +511,44 @@ DIFFERENCES: tuple[Difference, ...] = (
         option="none: the two differ by the length of the episodes",
         effect=_fisher,
         experiments=("section-2.3.5",),
+    ),
+    Difference(
+        id="2.3.5-kl-order",
+        section="2.3.5",
+        topic="Order of the two policies in the divergence",
+        thesis="KL(new || old) in equation 2.14.",
+        ours="KL(old || new), as in the author's code and the TRPO paper; the other is an option.",
+        option="`TRPO(kl_direction='old_new' | 'new_old')`",
+        effect=_kl_direction,
+        experiments=("section-2.3.5",),
+    ),
+    Difference(
+        id="2.3.5-line-search",
+        section="2.3.5",
+        topic="The line search",
+        thesis="On L and the divergence, to determine the step size.",
+        ours=(
+            "From the step whose quadratic form is at the bound, times 0.8 up to 14 times, until "
+            "L has grown and the divergence itself is within the bound; if none does, the policy "
+            "stays as it is. This is the author's code."
+        ),
+        option="`TRPO(backtrack_ratio=, max_backtracks=)`",
+        effect=_no_line_search,
+        experiments=("section-2.3.5-learning",),
+    ),
+    Difference(
+        id="2.3.4-baseline-order",
+        section="2.3.4",
+        topic="When the baseline is fitted",
+        thesis="Line 7 of algorithms 5 and 6, after the advantages of line 6.",
+        ours=(
+            "The same: advantages subtract the baseline fitted to earlier iterations, and 0 in the "
+            "first."
+        ),
+        option="none: fitting first would make the baseline depend on the actions it judges",
+        effect=(
+            "A baseline fitted to the very returns it is subtracted from is no longer a function "
+            "of the state alone, and the estimate is no longer unbiased."
+        ),
     ),
 )

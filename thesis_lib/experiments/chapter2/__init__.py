@@ -11,6 +11,12 @@ from thesis_lib.experiments.chapter2.cliff_learning import (
 )
 from thesis_lib.experiments.chapter2.dynamic_programming import SECTION_2_3_2
 from thesis_lib.experiments.chapter2.estimators import SECTION_2_3_4, SECTION_2_3_5
+from thesis_lib.experiments.chapter2.policy_search import (
+    SECTION_2_3_5_LANDSCAPE,
+    SECTION_2_3_5_LEARNING,
+    SECTION_2_3_5_SETTINGS,
+    SECTION_2_3_5_STEPS,
+)
 
 EXPERIMENTS: tuple[Experiment[Any], ...] = (
     SECTION_2_3_2,
@@ -20,4 +26,8 @@ EXPERIMENTS: tuple[Experiment[Any], ...] = (
     SECTION_2_3_3_CONVERGENCE,
     SECTION_2_3_4,
     SECTION_2_3_5,
+    SECTION_2_3_5_LEARNING,
+    SECTION_2_3_5_SETTINGS,
+    SECTION_2_3_5_LANDSCAPE,
+    SECTION_2_3_5_STEPS,
 )

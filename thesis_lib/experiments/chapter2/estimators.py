@@ -102,6 +102,25 @@ def state_values(steps: int, discount: float, theta: FloatArray = THETA) -> Floa
     return values[:-1]
 
 
+def value_gradient(steps: int, theta: FloatArray = THETA, size: float = 1e-5) -> FloatArray:
+    """Slope of the undiscounted value of an episode, by central differences, shape ``(4,)``.
+
+    The value comes from a backward recursion: no score and no trajectory is involved.
+    """
+    slopes = []
+    for i in range(theta.size):
+        change = np.zeros(theta.size)
+        change[i] = size
+        ends = [START @ state_values(steps, 1.0, t)[0] for t in _about(theta, change)]
+        slopes.append((ends[1] - ends[0]) / (2 * size))
+    return np.array(slopes)
+
+
+def _about(theta: FloatArray, change: FloatArray) -> tuple[FloatArray, FloatArray]:
+    step = change.reshape(theta.shape)
+    return theta - step, theta + step
+
+
 @dataclass(frozen=True)
 class EstimatorsConfig:
     """Settings of section-2.3.4."""
@@ -139,11 +158,21 @@ def estimators(config: EstimatorsConfig, context: Context) -> pd.DataFrame:
     def weighted(advantage: FloatArray) -> FloatArray:
         return (score * advantage[:, :, None]).sum(axis=1)
 
+    def best(sample: FloatArray) -> FloatArray:
+        """Subtract the baseline of state and time that leaves the least variance."""
+        # Scores in one state at one time, zero elsewhere: what each entry of a baseline weighs.
+        visits = every.states[:, :, None] == np.arange(2)
+        parts = (score[:, :, None, :] * visits[..., None]).reshape(len(weight), -1, 4)
+        gram = np.einsum("n,nki,nli->kl", weight, parts, parts)
+        baseline = np.linalg.lstsq(gram, np.einsum("n,nki,ni->k", weight, parts, sample))[0]
+        return np.asarray(sample - np.einsum("k,nki->ni", baseline, parts))
+
     gamma = config.discount
     samples = {
         "whole return": whole,
         "return to go": weighted(to_go(1.0)),
         "return to go, baseline": weighted(to_go(1.0) - value(1.0)),
+        "return to go, best baseline": best(weighted(to_go(1.0))),
         "discounted whole return": whole_discounted,
         "discounted return to go, weighted": weighted(power * to_go(gamma)),
         "discounted return to go": weighted(to_go(gamma)),
@@ -161,6 +190,7 @@ def estimators(config: EstimatorsConfig, context: Context) -> pd.DataFrame:
         for pair in range(4)
         if (here := 2 * every.states[:, t] + every.actions[:, t] == pair).any()
     ]
+    slope = value_gradient(config.steps)
     records = []
     for name, sample in samples.items():
         mean = weight @ sample
@@ -171,6 +201,7 @@ def estimators(config: EstimatorsConfig, context: Context) -> pd.DataFrame:
                 "bias_discounted": np.linalg.norm(mean - truth["discounted"]),
                 "variance": float(weight @ ((sample - mean) ** 2).sum(axis=1)),
                 "gradient_norm": np.linalg.norm(mean),
+                "slope_difference": np.linalg.norm(mean - slope),
                 "td_difference": np.abs(gap).max() if name == "TD error" else np.nan,
                 "td_mean_difference": np.abs(at_pair).max() if name == "TD error" else np.nan,
             }
@@ -194,6 +225,7 @@ SECTION_2_3_4 = Experiment(
         "bias_discounted": "norm of its expectation less the gradient of the discounted return",
         "variance": "trace of the covariance matrix of one trajectory's estimate",
         "gradient_norm": "norm of its expectation",
+        "slope_difference": "norm of its expectation less the differenced undiscounted value",
         "td_difference": "TD error only: largest difference from eq. 2.12 with the value baseline",
         "td_mean_difference": "TD error only: the same of their means given the pair at t",
     },

@@ -8,13 +8,14 @@ step an algorithm makes from samples can be judged without error.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import torch
+from numpy.typing import NDArray
 
 from thesis_lib.experiments.base import Context, Experiment, rows
 from thesis_lib.optimisation import (
@@ -24,6 +25,7 @@ from thesis_lib.optimisation import (
     Learner,
     LinearQuadraticTask,
     NaturalPG,
+    UpdateReport,
     collect,
 )
 from thesis_lib.optimisation.problem import Algorithm
@@ -88,11 +90,26 @@ def expected_return(gain: float, log_std: float) -> float:
 
 def expected_divergence(old: tuple[float, float], new: tuple[float, float]) -> float:
     """Exact mean divergence old from new over the states the old policy visits [nat]."""
-    task = LinearQuadraticTask(1, horizon=HORIZON)
-    square = np.mean([float(m) for m in task.state_moments(_matrix(old[0]), _vector(old[1]))])
+    square = mean_square_state(*old)
     # the mean's difference is (k - k') s, whose mean square is (k - k')^2 E[s^2]
     zero, gap = _matrix(0.0), _matrix((new[0] - old[0]) * np.sqrt(square))
     return float(kl_divergence(zero, _vector(old[1]), gap, _vector(new[1])))
+
+
+def mean_square_state(gain: float, log_std: float) -> float:
+    """Exact mean of the squared state over the steps of an episode."""
+    task = LinearQuadraticTask(1, horizon=HORIZON)
+    moments = task.state_moments(_matrix(gain), _vector(log_std))
+    return float(np.mean([float(m) for m in moments]))
+
+
+def fisher(gain: float, log_std: float) -> NDArray[np.float64]:
+    r"""Exact Fisher information of the policy, shape ``(2, 2)``.
+
+    The score is :math:`(zs/\sigma,\; z^2 - 1)` with z standard normal, so that the matrix is
+    :math:`\mathrm{diag}(E[s^2]/\sigma^2,\; 2)`.
+    """
+    return np.diag([mean_square_state(gain, log_std) * np.exp(-2 * log_std), 2.0])
 
 
 def best_return() -> float:
@@ -130,37 +147,55 @@ def learning_curves(config: CurvesConfig, context: Context) -> pd.DataFrame:
 
     def learn(job: tuple[str, int]) -> list[dict[str, Any]]:
         key, run = job
-        # the seed is that of the run: all algorithms start from the same noise
-        task_seed, noise_seed = context.seeds(2, run)
-        task = LinearQuadraticTask(50, horizon=HORIZON, seed=task_seed)
-        generator = np.random.default_rng(noise_seed)
-        policy = linear_policy(*config.start)
-        learner = Learner(policy, config.algorithms(run)[key], discount=1.0)
         records = []
-        for iteration in range(config.iterations + 1):
-            old = parameters(policy)
-            record = {
-                "algorithm": key,
-                "run": run,
-                "iteration": iteration,
-                "expected_return": expected_return(*old),
-                "best_return": best,
-                "gain": old[0],
-                "log_std": old[1],
-            }
-            if iteration == config.iterations:
-                change = {"kl_sampled": np.nan, "kl_exact": np.nan, "backtracks": np.nan}
-            else:
-                report = learner.improve(collect(task, policy, config.batch_steps, generator))
-                change = {
-                    "kl_sampled": report.kl,
-                    "kl_exact": expected_divergence(old, parameters(policy)),
-                    "backtracks": report.backtracks,
+        algorithm = config.algorithms(run)[key]
+        for iteration, (old, report, new) in enumerate(
+            _iterations(
+                algorithm, config.start, config.iterations, config.batch_steps, context, run
+            )
+        ):
+            records.append(
+                {
+                    "algorithm": key,
+                    "run": run,
+                    "iteration": iteration,
+                    "expected_return": expected_return(*old),
+                    "best_return": best,
+                    "gain": old[0],
+                    "log_std": old[1],
+                    "kl_sampled": np.nan if report is None else report.kl,
+                    "kl_exact": np.nan if report is None else expected_divergence(old, new),
+                    "backtracks": np.nan if report is None else report.backtracks,
+                    "delta_kl": config.delta_kl,
                 }
-            records.append(record | change | {"delta_kl": config.delta_kl})
+            )
         return records
 
     return rows([record for job in context.map(learn, jobs, "runs") for record in job])
+
+
+def _iterations(
+    algorithm: Algorithm,
+    start: tuple[float, float],
+    iterations: int,
+    batch_steps: int,
+    context: Context,
+    run: int,
+) -> Iterator[tuple[tuple[float, float], UpdateReport | None, tuple[float, float]]]:
+    """Parameters before each update, its report, and parameters after it; the last is no update.
+
+    The random numbers are those of the run: all algorithms start from the same noise.
+    """
+    task_seed, noise_seed = context.seeds(2, run)
+    task = LinearQuadraticTask(50, horizon=HORIZON, seed=task_seed)
+    generator = np.random.default_rng(noise_seed)
+    policy = linear_policy(*start)
+    learner = Learner(policy, algorithm, discount=1.0)
+    for _ in range(iterations):
+        old = parameters(policy)
+        report = learner.improve(collect(task, policy, batch_steps, generator))
+        yield old, report, parameters(policy)
+    yield parameters(policy), None, parameters(policy)
 
 
 SECTION_2_3_5_LEARNING = Experiment(
@@ -190,31 +225,138 @@ SECTION_2_3_5_LEARNING = Experiment(
 )
 
 
+# ------------------------------------------------------------------------- settings, good and bad
+LOST = -1e6
+"""A run whose expected return falls below this is given up: its policy drives the state away."""
+
+ENOUGH = 0.9
+"""Share of the possible gain in return at which a run counts as arrived."""
+
+
+@dataclass(frozen=True)
+class SettingsConfig:
+    """Settings of section-2.3.5-settings."""
+
+    vpg: tuple[float, ...] = (0.0002, 0.001, 0.005, 0.01, 0.02, 0.05, 0.1)
+    """Rates alpha of algorithm 5."""
+    natural: tuple[float, ...] = (0.01, 0.05, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0)
+    """Rates of the natural gradient: one over the price of the divergence."""
+    trpo: tuple[float, ...] = (0.0005, 0.005, 0.02, 0.05, 0.2, 0.5, 1.0, 2.0, 5.0)
+    """Bounds delta_KL of TRPO [nat]."""
+    iterations: int = 30
+    """Iterations of each run."""
+    batch_steps: int = 1000
+    """Steps of an iteration."""
+    runs: int = 10
+    """Runs of each setting."""
+    start: tuple[float, float] = (0.0, 0.0)
+    """Gain and log standard deviation to start from."""
+
+    def algorithm(self, key: str, setting: float) -> Algorithm:
+        """An algorithm of :data:`NAMES` with its one setting."""
+        if key == "vpg":
+            return VPG(learning_rate=setting)
+        return NaturalPG(learning_rate=setting) if key == "natural" else TRPO(delta=setting)
+
+
+def settings(config: SettingsConfig, context: Context) -> pd.DataFrame:
+    """What becomes of runs with steps from much too short to much too long."""
+    jobs = [
+        (key, setting, run)
+        for key in ("vpg", "natural", "trpo")
+        for setting in getattr(config, key)
+        for run in range(config.runs)
+    ]
+    first, best = expected_return(*config.start), best_return()
+
+    def learn(job: tuple[str, float, int]) -> dict[str, Any]:
+        key, setting, run = job
+        algorithm = config.algorithm(key, setting)
+        returns = []
+        for old, _, _ in _iterations(
+            algorithm, config.start, config.iterations, config.batch_steps, context, run
+        ):
+            returns.append(expected_return(*old))
+            if returns[-1] < LOST:
+                break
+        share = (np.array(returns) - first) / (best - first)
+        arrived = np.flatnonzero(share >= ENOUGH)
+        return {
+            "algorithm": key,
+            "setting": setting,
+            "run": run,
+            "arrived": arrived[0] if len(arrived) else np.nan,
+            "mean_share": share.mean(),
+            "last_share": share[-1],
+            "lowest_share": share.min(),
+            "lost": bool(returns[-1] < LOST),
+            "iterations": config.iterations,
+        }
+
+    return rows(context.map(learn, jobs, "runs"))
+
+
+SECTION_2_3_5_SETTINGS = Experiment(
+    id="section-2.3.5-settings",
+    item="Section 2.3.5",
+    title="Policy-gradient algorithms with steps from too short to too long",
+    function=settings,
+    budgets={
+        "smoke": SettingsConfig(
+            vpg=(0.01, 0.1), natural=(0.2, 1.0), trpo=(0.05,), iterations=2, runs=2, batch_steps=200
+        ),
+        "book": SettingsConfig(),
+        "thesis": SettingsConfig(),
+    },
+    columns={
+        "algorithm": "vpg, natural (fixed rate) or trpo",
+        "setting": "learning rate, or delta_KL [nat]",
+        "run": "number of the run",
+        "arrived": "first iteration with 90% of the possible gain in exact return; empty if none",
+        "mean_share": "mean over iterations of the share of the possible gain",
+        "last_share": "that share at the end",
+        "lowest_share": "the lowest one on the way",
+        "lost": "whether the run was given up at an expected return below -10^6",
+        "iterations": "iterations a run may take",
+    },
+    seconds={"smoke": 1, "book": 20, "thesis": 20},
+)
+
+
 # --------------------------------------------------------------------- the landscape, and steps
+STARTS = ((0.0, 0.0), (-0.2, -2.3), (-1.9, -0.8))
+"""Policies (gain, log sigma) from which one step is made: exploring much, hardly, and too hard."""
+
+Window = tuple[tuple[float, float], tuple[float, float]]
+
+
 @dataclass(frozen=True)
 class LandscapeConfig:
     """Settings of section-2.3.5-landscape."""
 
-    gains: tuple[float, float, int] = (-2.2, 0.6, 57)
-    """Lowest gain, highest gain and number of values."""
-    log_stds: tuple[float, float, int] = (-2.5, 0.5, 61)
-    """Lowest, highest and number of values of the log standard deviation."""
-    starts: tuple[tuple[float, float], ...] = ((0.0, 0.0), (-0.2, -1.5), (-1.9, -0.8))
-    """Policies whose divergence is mapped."""
+    starts: tuple[tuple[float, float], ...] = STARTS
+    """Policies about which return and divergence are mapped."""
+    windows: tuple[Window, ...] = (
+        ((-0.45, 0.35), (-0.35, 0.3)),
+        ((-0.4, -0.05), (-2.75, -1.95)),
+        ((-2.4, -1.4), (-1.15, -0.5)),
+    )
+    """Lowest and highest gain and log standard deviation of each map."""
+    resolution: int = 57
+    """Values along each side of a map."""
 
 
 def landscape(config: LandscapeConfig, context: Context) -> pd.DataFrame:
-    """Exact return of every policy of a grid, and its divergence from some of them."""
+    """Exact return of the policies about some, and their divergence from it."""
     records = []
-    for gain in np.linspace(*config.gains):
-        for log_std in np.linspace(*config.log_stds):
-            value = expected_return(gain, log_std)
-            for i, start in enumerate(config.starts):
+    for i, (start, window) in enumerate(zip(config.starts, config.windows, strict=True)):
+        for gain in np.linspace(*window[0], config.resolution):
+            for log_std in np.linspace(*window[1], config.resolution):
                 records.append(
                     {
                         "gain": gain,
                         "log_std": log_std,
-                        "expected_return": value,
+                        "expected_return": expected_return(gain, log_std),
                         "start": i,
                         "kl": expected_divergence(start, (gain, log_std)),
                     }
@@ -225,10 +367,10 @@ def landscape(config: LandscapeConfig, context: Context) -> pd.DataFrame:
 SECTION_2_3_5_LANDSCAPE = Experiment(
     id="section-2.3.5-landscape",
     item="Section 2.3.5",
-    title="Return of every two-parameter policy, and its divergence from where steps start",
+    title="Return of two-parameter policies, and their divergence from where steps start",
     function=landscape,
     budgets={
-        "smoke": LandscapeConfig(gains=(-2.2, 0.6, 8), log_stds=(-2.5, 0.5, 7)),
+        "smoke": LandscapeConfig(resolution=9),
         "book": LandscapeConfig(),
         "thesis": LandscapeConfig(),
     },
@@ -247,7 +389,7 @@ SECTION_2_3_5_LANDSCAPE = Experiment(
 class StepsConfig(Rates):
     """Settings of section-2.3.5-steps."""
 
-    starts: tuple[tuple[float, float], ...] = LandscapeConfig.starts
+    starts: tuple[tuple[float, float], ...] = STARTS
     """Policies (gain, log sigma) from which one step is made."""
     batch_steps: int = 20_000
     """Steps the direction is estimated from."""
@@ -311,12 +453,13 @@ SECTION_2_3_5_STEPS = Experiment(
         "backtracks": "times the line search shortened it",
         "delta_kl": "the bound [nat]",
     },
-    seconds={"smoke": 1, "book": 5, "thesis": 5},
+    seconds={"smoke": 1, "book": 2, "thesis": 2},
 )
 
 EXPERIMENTS: tuple[Experiment[Any], ...] = (
     SECTION_2_3_5_LEARNING,
+    SECTION_2_3_5_SETTINGS,
     SECTION_2_3_5_LANDSCAPE,
     SECTION_2_3_5_STEPS,
 )
-"""To be listed with chapter 2."""
+"""Those of this module, in the order of the chapter."""
