@@ -24,6 +24,15 @@ from thesis_lib.relevance.exact import (
     k_relevance,
     rate,
 )
+from thesis_lib.relevance.linear import (
+    Basis,
+    estimate_from,
+    feature_basis,
+    increment_covariance,
+    linear_class,
+    linear_k_relevance,
+)
+from thesis_lib.relevance.network import Networks, fit_networks
 from thesis_lib.relevance.sequences import (
     brute_force_k_relevance,
     list_sequences,
@@ -35,9 +44,11 @@ from thesis_lib.relevance.solutions import ACTION, Solutions, TaskTable
 
 __all__ = [
     "ACTION",
+    "Basis",
     "Cells",
     "Estimate",
     "FeatureCells",
+    "Networks",
     "Solutions",
     "TaskTable",
     "abstract_q",
@@ -47,15 +58,21 @@ __all__ = [
     "cross_task_q",
     "domain_relevance",
     "estimate",
+    "estimate_from",
+    "feature_basis",
     "feature_k_relevance",
     "finite_domain",
+    "fit_networks",
     "forward_relevance",
     "ground",
+    "increment_covariance",
     "k_relevance",
     "keep",
     "law",
     "leave_one_out",
+    "linear_class",
     "linear_covariance",
+    "linear_k_relevance",
     "list_sequences",
     "partition",
     "rate",

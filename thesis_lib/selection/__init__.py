@@ -15,6 +15,7 @@ from thesis_lib.selection.fitting import (
     triangle_alpha,
 )
 from thesis_lib.selection.fstek import FSTEK, IBKR, bkr, fr
+from thesis_lib.selection.functions import FunctionSelector, LinearF, NetworkF
 from thesis_lib.selection.jackknife import JackknifeF, f_threshold
 from thesis_lib.selection.roc import rates
 from thesis_lib.selection.task import TaskRelevance, task_explained, unseen_share
@@ -27,7 +28,10 @@ __all__ = [
     "ExactRelevance",
     "ExponentialFit",
     "FixedFeatures",
+    "FunctionSelector",
     "JackknifeF",
+    "LinearF",
+    "NetworkF",
     "NoSelection",
     "RandomSelection",
     "Round",

@@ -7,6 +7,7 @@ from thesis_lib.experiments.chapter4.calibration import CALIBRATION, ROC
 from thesis_lib.experiments.chapter4.cost import COST
 from thesis_lib.experiments.chapter4.curves import FIGURE_4_1, FIGURE_4_2
 from thesis_lib.experiments.chapter4.domains_compared import RELEVANCES
+from thesis_lib.experiments.chapter4.functions import FUNCTION_LAW, FUNCTION_SELECTION
 from thesis_lib.experiments.chapter4.heat import FIGURE_4_7, FIGURE_4_8
 from thesis_lib.experiments.chapter4.heat_readings import HEAT_READINGS, HEAT_RELEVANCE
 from thesis_lib.experiments.chapter4.readings import READINGS_COMPARED
@@ -55,4 +56,6 @@ EXPERIMENTS: tuple[Experiment[Any], ...] = (
     CALIBRATION,
     ROC,
     TASK_RELEVANCE,
+    FUNCTION_LAW,
+    FUNCTION_SELECTION,
 )

@@ -144,7 +144,7 @@ def measure(
         for j, n in enumerate(grid):
             solutions = world.solutions.take(seen[:n])
             tests = world.domain.sample(protocol.tests, rng)
-            streams = _Streams(rng.integers(2**63, size=protocol.tests))
+            streams = Streams(rng.integers(2**63, size=protocol.tests))
             known: dict[bytes, float] = {}
             for i, method in enumerate(protocol.methods):
                 selector = available[method]
@@ -156,7 +156,7 @@ def measure(
                 code = kept.tobytes()
                 if code not in known:
                     phi = world.potential(seen[:n], kept, protocol.unseen)
-                    known[code] = _mean_return(world, learner, phi, tests, streams)
+                    known[code] = mean_return(world, learner, phi, tests, streams)
                 returns[i, j] = known[code]
         return returns, support, unsure
 
@@ -212,9 +212,24 @@ def summarise(
     return records
 
 
-def _mean_return(
-    world: World, learner: Learner, phi: FloatArray, tests: IntArray, streams: _Streams
+def mean_return(
+    world: World, learner: Learner, phi: FloatArray, tests: IntArray, streams: Streams
 ) -> float:
+    """Mean total reward of the test tasks when they are learned from a potential.
+
+    Parameters
+    ----------
+    world
+        The domain.
+    learner
+        How they are learned.
+    phi
+        The potential, shape ``(O, A)``.
+    tests
+        Tasks.
+    streams
+        Their random numbers.
+    """
     rewards = total_rewards(
         [world.domain.tasks[m] for m in tests],
         learner.method,
@@ -229,14 +244,21 @@ def _mean_return(
     return sum(rewards.tolist()) / len(tests)
 
 
-class _Streams:
-    """Generators of the test tasks, set back to their start for every method."""
+class Streams:
+    """Generators of the test tasks, set back to their start for every method.
+
+    Parameters
+    ----------
+    seeds
+        One a task.
+    """
 
     def __init__(self, seeds: IntArray) -> None:
         self._rngs = [np.random.default_rng(int(seed)) for seed in seeds]
         self._starts = [rng.bit_generator.state for rng in self._rngs]
 
     def rewound(self) -> list[np.random.Generator]:
+        """The generators as they were made."""
         for rng, start in zip(self._rngs, self._starts, strict=True):
             rng.bit_generator.state = start
         return self._rngs
