@@ -114,6 +114,14 @@ class TestFeatureSpace:
         np.testing.assert_array_equal(SHORT.learn(task, 3).weights, expected.weights)
         assert HeatLearner().episodes == 500
 
+    def test_sources_can_be_kept_off_the_walls(self):
+        inside = replace(SHORT, sources="inside")
+        sources = np.array([t.source for t in inside.sample_tasks(200, np.random.default_rng(0))])
+        assert sources.min() >= 1
+        assert sources.max() <= 9
+        # Uniform on [1, 9]^2: standard error 8/sqrt(12 * 200) = .16.
+        np.testing.assert_allclose(sources.mean(axis=0), [5, 5], atol=0.65)
+
     def test_bad_options_are_one_sentence(self):
         with pytest.raises(ValueError, match="layout is 'hexagons'"):
             HeatSpace(layout="hexagons")
@@ -308,7 +316,9 @@ def test_verdicts_on_hand_made_tables():
     assert ledger.few_tasks(opposite).verdict == Verdict.NOT_REPRODUCED
     wide = first_five(EVERY, ci=50.0)
     assert ledger.jump(wide).verdict == Verdict.NOT_REPRODUCED
-    assert ledger.grows_with_noise(wide).verdict == Verdict.DIRECTION
+    assert ledger.grows_with_noise(wide).verdict == Verdict.NOT_REPRODUCED
+    rising = first_five({(s, n): 100 * s for s in (0.01, 0.02, 0.04, 0.06) for n in (4, 5)}, ci=2)
+    assert ledger.grows_with_noise(rising).verdict == Verdict.DIRECTION
     assert ledger.on_a_par(wide).verdict == Verdict.NOT_REPRODUCED
 
 

@@ -13,7 +13,7 @@ from thesis_lib.experiments.base import Context, Experiment, rows
 from thesis_lib.experiments.chapter4.heat import HeatConfig, measure_heat
 from thesis_lib.experiments.chapter4.heat_worlds import HeatLearner, HeatSpace
 from thesis_lib.experiments.chapter4.protocol import Protocol
-from thesis_lib.relevance import Solutions, estimate, k_relevance, remove
+from thesis_lib.relevance import Solutions, estimate, relevance, remove
 from thesis_lib.selection import rates
 from thesis_lib.stats import mean_ci
 
@@ -26,7 +26,7 @@ class HeatRelevanceConfig:
     """The domain, its learner and its features."""
     sensors: tuple[float, ...] = (0.01, 0.02, 0.04, 0.06)
     """Values of sigma_sensor."""
-    batches: int = 8
+    batches: int = 10
     """Independent batches of tasks, whose scatter gives the interval."""
     tasks: int = 60
     """Tasks in a batch."""
@@ -82,7 +82,8 @@ def run_relevance(config: HeatRelevanceConfig, context: Context) -> pd.DataFrame
 def _estimates(solutions: Solutions, names: tuple[str, ...]) -> list[float]:
     """Task relevance and the jackknife estimate of domain relevance of removing features."""
     labels = remove(solutions, names)
-    return [float(k_relevance(solutions, labels, 1)), estimate(solutions, labels).domain]
+    single = [relevance(labels, q, p) for q, p in zip(solutions.q, solutions.p, strict=True)]
+    return [float(np.mean(single)), estimate(solutions, labels).domain]
 
 
 HEAT_RELEVANCE: Experiment[HeatRelevanceConfig] = Experiment(
@@ -95,7 +96,7 @@ HEAT_RELEVANCE: Experiment[HeatRelevanceConfig] = Experiment(
             space=HeatSpace(learner=HeatLearner(episodes=20)), sensors=(0.02,), batches=2, tasks=4
         ),
         "book": HeatRelevanceConfig(),
-        "thesis": HeatRelevanceConfig(batches=20),
+        "thesis": HeatRelevanceConfig(batches=40),
     },
     columns={
         "sensor": "sigma_sensor; sigma_slip is .1",
@@ -108,7 +109,7 @@ HEAT_RELEVANCE: Experiment[HeatRelevanceConfig] = Experiment(
         "share_ci95": "half-width of its 95% interval",
         "n_tasks": "tasks learned",
     },
-    seconds={"smoke": 1, "book": 20, "thesis": 50},
+    seconds={"smoke": 1, "book": 25, "thesis": 100},
 )
 
 READINGS: Mapping[str, Mapping[str, Any]] = {
@@ -125,6 +126,7 @@ READINGS: Mapping[str, Mapping[str, Any]] = {
     "accumulating traces": {"learner": {"traces": "accumulating", "alpha": 0.1}},
     "gamma .98": {"learner": {"discount": 0.98}},
     "positions fine": {"space": {"layout": "positions"}},
+    "sources off the walls": {"space": {"sources": "inside"}},
     "p(x|m) uniform": {"space": {"weighting": "uniform"}},
     "tiling may go": {"space": {"tilings": "feature"}},
     "level 1e-4": {"config": {"fstek": 1e-4}},

@@ -19,6 +19,9 @@ from thesis_lib.relevance import Solutions, keep
 Weighting = Literal["visits", "uniform"]
 """p(x|m): each pair's share of visits, or the same for all pairs the task visited."""
 
+Sources = Literal["reachable", "inside"]
+"""Sources anywhere that the robot can reach, or at least its radius from every wall."""
+
 Tilings = Literal["kept", "feature"]
 """Whether an abstraction keeps tilings apart, or the tiling is a feature that may be removed."""
 
@@ -58,6 +61,9 @@ class HeatSpace:
     tilings
         ``"kept"``: a tile is named by its tiling too, so that no abstraction that keeps a
         variable merges tiles of different tilings.
+    sources
+        Where sources are.  One near a wall can be met from a short stretch along it only,
+        and is far harder to find.
     unseen
         Weight of pairs that no observed task visited.
 
@@ -72,12 +78,14 @@ class HeatSpace:
     layout: str = "headings"
     weighting: Weighting = "visits"
     tilings: Tilings = "kept"
+    sources: Sources = "reachable"
     unseen: float = 0.0
 
     def __post_init__(self) -> None:
         one_of("layout", self.layout, tuple(LAYOUTS))
         one_of("weighting", self.weighting, get_args(Weighting))
         one_of("tilings", self.tilings, get_args(Tilings))
+        one_of("sources", self.sources, get_args(Sources))
 
     def with_noise(self, sensor: float) -> HeatSpace:
         """The same with another sensor noise."""
@@ -95,8 +103,15 @@ class HeatSpace:
         return (*extra, *self.coding.names, "a")
 
     def sample_tasks(self, n: int, rng: np.random.Generator) -> list[HeatTask]:
-        """Draw tasks from the domain: sources anywhere within the robot's reach."""
-        return [HeatTask(self.world.sample_source(rng), self.world) for _ in range(n)]
+        """Draw n tasks from the domain."""
+        return [HeatTask(self._source(rng), self.world) for _ in range(n)]
+
+    def _source(self, rng: np.random.Generator) -> tuple[float, float]:
+        if self.sources == "reachable":
+            return self.world.sample_source(rng)
+        low, high = self.world.radius, self.world.size - self.world.radius
+        x, y = rng.uniform(low, high, size=2)
+        return float(x), float(y)
 
     def learn(
         self,
