@@ -271,7 +271,7 @@ class Sweep:
     """Every combination of these."""
     settings: Annotated[
         TrainConfig,
-        tyro.conf.arg(name="", constructor=_unchecked(TrainConfig, tuple(sweeps.GRID_COLUMNS))),
+        tyro.conf.arg(name="", constructor=_unchecked(TrainConfig, sweeps.GRID)),
     ]
     """Of all runs."""
     workers: int = 1
@@ -314,8 +314,9 @@ class Sweep:
         table = sweeps.summary(sweeps.merged(configs, runs))
         same = [c for c in sweeps.GRID_COLUMNS if c != "task" and table[c].nunique() == 1]
         print(_text(table.drop(columns=same), most=len(table)))
-        if len(self.grid.precisions) > 1:
-            print(_text(pd.read_csv(out / "precision.csv")))
+        for column, name in sweeps.COMPARISONS.items():
+            if len({sweeps.key(c)[column] for c in configs}) > 1:
+                print(_text(pd.read_csv(out / name)))
         print(f"{len(configs) - len(errors)} of {len(configs)} runs, written to {out}")
         return 1 if errors else 0
 

@@ -25,8 +25,10 @@ from thesis_lib.experiments.sweep import (
     SUMMARY_COLUMNS,
     Grid,
     Outcome,
+    compared,
+    key,
     merged,
-    precision_compared,
+    parse_variant,
     progress,
     run_name,
     summary,
@@ -114,22 +116,22 @@ def test_what_is_written(tmp_path: Path) -> None:
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["curves.csv", "curves.json"]
 
 
-def made_up(returns: dict[tuple[int, str], list[float]]) -> pd.DataFrame:
-    """Curves of one net with the given mean returns."""
+def made_up(returns: dict[tuple[int, str, str], list[float]]) -> pd.DataFrame:
+    """Curves of one net with the given mean returns, by seed, number type and variant."""
     parts = []
-    for (seed, precision), values in returns.items():
+    for (seed, precision, variant), values in returns.items():
         n = len(values)
         part = pd.DataFrame(
             {"iteration": np.arange(1, n + 1), "steps": 10 * np.arange(1, n + 1)}
         ).assign(mean_return=values, accepted=[True] * (n - 1) + [False])
         keys = {"task": "Hopper", "terrain": "flat", "architecture": "gru"}
-        part = part.assign(**keys, seed=seed, precision=precision)
+        part = part.assign(**keys, seed=seed, precision=precision, variant=variant)
         parts.append(part.assign(sampling_seconds=1.0, update_seconds=0.25, wall_seconds=2.0))
     return pd.concat(parts, ignore_index=True)
 
 
 def test_summary_by_hand() -> None:
-    curves = made_up({(0, "float32"): [1.0, 2.0, 3.0, 4.0, 5.0, 9.0, 4.0]})
+    curves = made_up({(0, "float32", "default"): [1.0, 2.0, 3.0, 4.0, 5.0, 9.0, 4.0]})
     (row,) = summary(curves).to_dict("records")
     assert list(row) == list(SUMMARY_COLUMNS)
     assert LAST == 5
@@ -145,26 +147,75 @@ def test_precisions_are_compared_seed_by_seed() -> None:
     a, b = [10.0, 12.0, 11.0, 13.0], [10.5, 11.5, 11.2, 13.4]
     pairs = {}
     for seed, (x, y) in enumerate(zip(a, b, strict=True)):
-        pairs |= {(seed, "float32"): [x - 1, x + 1], (seed, "float64"): [y - 2, y + 2]}
-    pairs[(9, "float32")] = [100.0, 100.0]  # it has no partner
-    (row,) = precision_compared(made_up(pairs)).to_dict("records")
+        pairs |= {(seed, "float32", "default"): [x - 1, x + 1]}
+        pairs |= {(seed, "float64", "default"): [y - 2, y + 2]}
+    pairs[(9, "float32", "default")] = [100.0, 100.0]  # it has no partner
+    (row,) = compared(made_up(pairs), "precision").to_dict("records")
     assert list(row) == list(PAIRED_COLUMNS)
     test = stats.ttest_rel(a, b)
     interval = test.confidence_interval()
-    assert row["n"] == 4
+    assert (row["changed"], row["reference"], row["n"]) == ("float32", "float64", 4)
+    assert (row["mean_changed"], row["mean_reference"]) == (np.mean(a), np.mean(b))
     assert row["difference"] == pytest.approx(np.mean(a) - np.mean(b))
     assert (row["low"], row["high"]) == pytest.approx((interval.low, interval.high))
-    assert row["p_difference"] == pytest.approx(test.pvalue)
+    assert row["p_difference"] == row["p_holm"] == pytest.approx(test.pvalue)
     margin = MARGIN * np.mean(b)
-    shifted = [stats.ttest_rel(np.add(a, s * margin), b, alternative=t).pvalue
-               for s, t in ((1, "greater"), (-1, "less"))]  # fmt: skip
-    assert row["p_equivalence"] == pytest.approx(max(shifted))
+    above = stats.ttest_rel(np.add(a, margin), b, alternative="greater").pvalue
+    below = stats.ttest_rel(np.subtract(a, margin), b, alternative="less").pvalue
+    assert row["p_equivalence"] == pytest.approx(max(above, below))
 
 
 def test_equal_curves_differ_by_nothing() -> None:
-    same = {(s, p): [1.0, float(s)] for s in (0, 1) for p in ("float32", "float64")}
-    (row,) = precision_compared(made_up(same)).to_dict("records")
+    types = ("float32", "float64")
+    same = {(s, p, "default"): [1.0, float(s)] for s in (0, 1) for p in types}
+    (row,) = compared(made_up(same), "precision").to_dict("records")
     assert (row["difference"], row["p_difference"], row["p_equivalence"]) == (0, 1, 0)
+
+
+def test_variants_are_compared_with_the_default() -> None:
+    runs = {}
+    for seed, noise in enumerate((0.0, 0.3, -0.2)):
+        for variant, mean in (("default", 5.0), ("trace=0.9", 7.0), ("damping=0.1", 5.1)):
+            own = noise * len(variant)  # differs between variants
+            runs[(seed, "float32", variant)] = [mean + own, mean + own]
+    table = compared(made_up(runs), "variant")
+    assert table.changed.tolist() == ["trace=0.9", "damping=0.1"]
+    assert set(table.reference) == {"default"}
+    plain, adjusted = table.p_difference, table.p_holm
+    assert adjusted.min() == pytest.approx(min(1, 2 * plain.min()))
+    assert (adjusted >= plain).all()
+    gaps = [7 - 5 + noise * (len("trace=0.9") - len("default")) for noise in (0.0, 0.3, -0.2)]
+    assert table.difference[0] == pytest.approx(np.mean(gaps))
+
+
+def test_variants_of_a_grid() -> None:
+    grid = Grid(
+        ("hopper",),
+        architectures=("gru", "ctrnn"),
+        variants=("integrator=euler,time_constant=0.2", "bootstrap=True"),
+    )
+    runs = grid.runs(SMALL)
+    assert [(c.architecture, key(c)["variant"]) for c in runs] == [
+        ("gru", "default"),
+        ("gru", "bootstrap=True"),  # it has no integrator
+        ("ctrnn", "default"),
+        ("ctrnn", "integrator=euler, time_constant=0.2"),
+        ("ctrnn", "bootstrap=True"),
+    ]
+    assert run_name(runs[3]) == "hopper-flat-ctrnn-0-float32-integrator-euler-time_constant-0.2"
+    assert runs[3].integrator == "euler"
+    # settings of all runs are told too, where they have an effect
+    (gru, ctrnn) = Grid(("hopper",), architectures=("gru", "ctrnn")).runs(
+        TrainConfig(time_constant=0.2, trace=0.5)
+    )
+    assert key(gru)["variant"] == "trace=0.5"
+    assert key(ctrnn)["variant"] == "trace=0.5, time_constant=0.2"
+
+
+@pytest.mark.parametrize("text", ["bootstrap", "wings=2", "iterations=3", "seed=1", ""])
+def test_variants_that_cannot_be(text: str) -> None:
+    with pytest.raises(ValueError, match="does not name a setting and its value"):
+        parse_variant(text)
 
 
 def test_workers() -> None:

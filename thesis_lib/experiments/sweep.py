@@ -6,6 +6,7 @@ leaves the others alone, and a sweep that was killed goes on where its runs left
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import itertools
 import json
@@ -31,11 +32,12 @@ from thesis_lib.experiments.training import (
     TrainConfig,
     TrainingStopped,
     differences,
+    idle_settings,
     train,
     use_one_thread,
 )
 from thesis_lib.policies import ARCHITECTURES
-from thesis_lib.stats import mean_ci
+from thesis_lib.stats import holm, mean_ci
 
 LAST = 5
 """Iterations whose mean return says how well a net did at the end."""
@@ -43,12 +45,22 @@ LAST = 5
 MARGIN = 0.1
 """Difference of two mean returns, as a share of the second, that counts as none."""
 
+GRID = ("task", "terrain", "architecture", "seed", "precision")
+"""Settings a sweep has a list of."""
+
+BUDGET = ("iterations", "batch_steps", "horizon", "worlds", "threads", "checkpoint_every")
+"""Settings all runs of a sweep share."""
+
+DEFAULT = "default"
+"""The variant that leaves all other settings as they are."""
+
 GRID_COLUMNS: Mapping[str, str] = {
     "task": "robot",
     "terrain": "flat or hill",
     "architecture": "net",
     "seed": "seed of the run",
     "precision": "number type of the net",
+    "variant": "settings that differ from those of `thesis train`",
 }
 """Columns that tell the runs of a sweep apart."""
 
@@ -104,11 +116,14 @@ class Grid:
     """Seeds."""
     precisions: tuple[str, ...] = ("float32",)
     """float32, float64."""
+    variants: tuple[str, ...] = ()
+    """Settings to try besides the default, such as "bootstrap=True" or "trace=0.97,damping=0.1";
+    nets on which they have no effect are left out."""
 
     def __post_init__(self) -> None:
         for f in dataclasses.fields(self):
             values = getattr(self, f.name)
-            if not values:
+            if not values and f.name != "variants":
                 raise ValueError(f"{f.name} is empty, but a sweep needs at least one of them.")
             if len(set(values)) != len(values):
                 raise ValueError(f"{f.name} names {_first_repeated(values)!r} twice.")
@@ -127,14 +142,60 @@ class Grid:
             When a value does not exist.
         """
         base = base or TrainConfig()
-        return [
-            dataclasses.replace(
+        variants = [{}, *map(parse_variant, self.variants)]
+        found = []
+        for task, terrain, net, variant, seed, precision in itertools.product(
+            self.tasks, self.terrains, self.architectures, variants, self.seeds, self.precisions
+        ):
+            config = dataclasses.replace(
                 base, task=task, terrain=terrain, architecture=net, seed=seed, precision=precision
             )
-            for task, terrain, net, seed, precision in itertools.product(
-                self.tasks, self.terrains, self.architectures, self.seeds, self.precisions
+            changed = dataclasses.replace(config, **variant)
+            if not set(variant) & set(idle_settings(changed)):
+                found.append(changed)
+        return found
+
+
+def parse_variant(text: str) -> dict[str, Any]:
+    """Read settings from text such as ``"trace=0.97,damping=0.1"``.
+
+    Raises
+    ------
+    ValueError
+        When a setting does not exist, or is not for variants.
+    """
+    allowed = [f.name for f in dataclasses.fields(TrainConfig) if f.name not in (*GRID, *BUDGET)]
+    found: dict[str, Any] = {}
+    for part in text.split(","):
+        name, equals, value = (p.strip() for p in part.partition("="))
+        if not equals or name not in allowed:
+            raise ValueError(
+                f"variant {text!r} does not name a setting and its value: write for instance "
+                f"bootstrap=True; the settings are {', '.join(allowed)}."
             )
-        ]
+        try:
+            found[name] = ast.literal_eval(value)
+        except (SyntaxError, ValueError):
+            found[name] = value
+    return found
+
+
+def variant(config: TrainConfig) -> str:
+    """Settings of a run that differ from the defaults and have an effect, as text."""
+    default, idle = TrainConfig(), idle_settings(config)
+    parts = [
+        f"{f.name}={getattr(config, f.name)}"
+        for f in dataclasses.fields(config)
+        if f.name not in (*GRID, *BUDGET)
+        and f.name not in idle
+        and getattr(config, f.name) != getattr(default, f.name)
+    ]
+    return ", ".join(parts) or DEFAULT
+
+
+def key(config: TrainConfig) -> dict[str, Any]:
+    """What tells a run apart, by :data:`GRID_COLUMNS`."""
+    return {name: getattr(config, name) for name in GRID} | {"variant": variant(config)}
 
 
 def _first_repeated(values: Sequence[Any]) -> Any:
@@ -143,7 +204,10 @@ def _first_repeated(values: Sequence[Any]) -> Any:
 
 def run_name(config: TrainConfig) -> str:
     """Name of a run within its sweep, such as ``hopper-flat-gru-0-float32``."""
-    return "-".join(str(getattr(config, name)) for name in GRID_COLUMNS).lower()
+    parts = [str(part) for part in key(config).values()]
+    if parts[-1] == DEFAULT:
+        parts.pop()
+    return "-".join(parts).lower().replace(", ", "-").replace("=", "-")
 
 
 @dataclass(frozen=True)
@@ -349,7 +413,7 @@ def merged(configs: Sequence[TrainConfig], runs: Path | str) -> pd.DataFrame:
     for config in configs:
         if _record(config, runs) is not None:
             curve = pd.read_csv(Path(runs) / run_name(config) / "curve.csv")
-            parts.append(curve.assign(**{n: getattr(config, n) for n in GRID_COLUMNS}))
+            parts.append(curve.assign(**key(config)))
     columns = list(CURVES_COLUMNS)
     parts = [p for p in parts if len(p)]
     return pd.concat(parts, ignore_index=True)[columns] if parts else pd.DataFrame(columns=columns)
@@ -369,12 +433,12 @@ def summary(curves: pd.DataFrame) -> pd.DataFrame:
         Columns as in :data:`SUMMARY_COLUMNS`, one row a run.
     """
     records = []
-    for key, curve in curves.groupby(list(GRID_COLUMNS), sort=False):
+    for run, curve in curves.groupby(list(GRID_COLUMNS), sort=False):
         returns, steps = curve.mean_return, int(curve.steps.iloc[-1])
         seconds = curve.sampling_seconds.sum() + curve.update_seconds.sum()
         records.append(
             {
-                **dict(zip(GRID_COLUMNS, key, strict=True)),
+                **dict(zip(GRID_COLUMNS, run, strict=True)),
                 "iterations": len(curve),
                 "steps": steps,
                 "first_return": returns.iloc[0],
@@ -390,69 +454,84 @@ def summary(curves: pd.DataFrame) -> pd.DataFrame:
 
 
 PAIRED_COLUMNS: Mapping[str, str] = {
-    "task": "robot",
-    "terrain": "flat or hill",
-    "architecture": "net",
-    "n": "seeds that both number types have finished",
-    "float32": "return averaged over the curve, mean over seeds",
-    "float64": "the same",
-    "difference": "mean over seeds of float32 less float64 with the same seed",
+    **{name: GRID_COLUMNS[name] for name in ("task", "terrain", "architecture")},
+    "changed": "what is compared: a number type or a variant",
+    "reference": "what it is compared with",
+    "n": "seeds that both have finished",
+    "mean_changed": "return averaged over the curve, mean over seeds",
+    "mean_reference": "the same for the reference",
+    "difference": "mean over seeds of the difference with the same seed",
     "low": "lower end of the 95% Student interval of the difference",
     "high": "upper end",
     "p_difference": "paired t-test that the difference is 0",
+    "p_holm": "the same, adjusted by Holm for all rows of the table",
     "p_equivalence": (
-        f"two one-sided paired t-tests that it is within {MARGIN:.0%} of the float64 return"
+        f"two one-sided paired t-tests that it is within {MARGIN:.0%} of the reference"
     ),
 }
-"""Meaning and unit of each column of :func:`precision_compared`."""
+"""Meaning and unit of each column of :func:`compared`."""
 
 
-def precision_compared(curves: pd.DataFrame) -> pd.DataFrame:
-    """Learning in float32 against float64: paired tests of the return over the curve.
+COMPARISONS: Mapping[str, str] = {"precision": "precision.csv", "variant": "variants.csv"}
+"""Files that :func:`write` makes for what it compares."""
+
+
+def compared(curves: pd.DataFrame, column: str) -> pd.DataFrame:
+    """Paired tests of the return over the curve: what a number type or a variant changes.
 
     Parameters
     ----------
     curves
-        From :func:`merged`, with runs in both number types.
+        From :func:`merged`.
+    column
+        ``precision`` (float32 against float64) or ``variant`` (each against the first).
 
     Returns
     -------
     pandas.DataFrame
-        Columns as in :data:`PAIRED_COLUMNS`, one row for each net, task and terrain that
-        has at least 2 seeds in both.
+        Columns as in :data:`PAIRED_COLUMNS`, one row for each net, task, terrain and
+        change that has at least 2 seeds on both sides.
     """
     runs = summary(curves)
+    rest = [c for c in GRID_COLUMNS if c not in (column, "seed")]
     records = []
-    groups = runs.groupby(["task", "terrain", "architecture"], sort=False)
-    for (task, terrain, net), group in groups:
+    for _, group in runs.groupby(rest, sort=False):
         # Only curves of the same length can be averaged over and compared.
         longest = group[group.iterations == group.iterations.max()]
-        pairs = longest.pivot(index="seed", columns="precision", values="average_return")
-        pairs = pairs.reindex(columns=["float32", "float64"]).dropna()
-        if len(pairs) < 2:
-            continue
-        difference = (pairs.float32 - pairs.float64).to_numpy()
-        interval = mean_ci(difference)
-        margin = MARGIN * abs(float(pairs.float64.mean()))
-        records.append(
-            {
-                "task": task,
-                "terrain": terrain,
-                "architecture": net,
-                "n": len(pairs),
-                "float32": pairs.float32.mean(),
-                "float64": pairs.float64.mean(),
-                "difference": interval.mean,
-                "low": interval.mean - interval.half_width,
-                "high": interval.mean + interval.half_width,
-                "p_difference": _one_sample(difference, 0.0, "two-sided"),
-                "p_equivalence": max(
-                    _one_sample(difference, -margin, "greater"),
-                    _one_sample(difference, margin, "less"),
-                ),
-            }
-        )
-    return pd.DataFrame(records, columns=list(PAIRED_COLUMNS))
+        values = list(dict.fromkeys(longest[column]))
+        reference = "float64" if column == "precision" else values[0]
+        table = longest.pivot(index="seed", columns=column, values="average_return")
+        for changed in (v for v in values if v != reference):
+            if reference not in table:
+                continue
+            pairs = table[[changed, reference]].dropna()
+            if len(pairs) < 2:
+                continue
+            names = {c: group[c].iloc[0] for c in ("task", "terrain", "architecture")}
+            names |= {"changed": changed, "reference": reference}
+            records.append(names | _paired(pairs[changed], pairs[reference]))
+    found = pd.DataFrame(records, columns=list(PAIRED_COLUMNS))
+    return found.assign(p_holm=holm(found.p_difference) if len(found) else [])
+
+
+def _paired(changed: pd.Series, reference: pd.Series) -> dict[str, float]:
+    """Statistics of two samples with the same seeds."""
+    difference = (changed - reference).to_numpy()
+    interval = mean_ci(difference)
+    margin = MARGIN * abs(float(reference.mean()))
+    return {
+        "n": len(difference),
+        "mean_changed": changed.mean(),
+        "mean_reference": reference.mean(),
+        "difference": interval.mean,
+        "low": interval.mean - interval.half_width,
+        "high": interval.mean + interval.half_width,
+        "p_difference": _one_sample(difference, 0.0, "two-sided"),
+        "p_equivalence": max(
+            _one_sample(difference, -margin, "greater"),
+            _one_sample(difference, margin, "less"),
+        ),
+    }
 
 
 def _one_sample(values: np.ndarray, centre: float, alternative: str) -> float:
@@ -474,7 +553,7 @@ def write(
 ) -> pd.DataFrame:
     """Merge the runs and write ``curves.csv`` with its provenance ``curves.json``.
 
-    With both number types ``precision.csv`` is written too.
+    With both number types ``precision.csv`` is written too, with variants ``variants.csv``.
 
     Parameters
     ----------
@@ -501,7 +580,7 @@ def write(
         "title": "Learning curves of a sweep.",
         "command": command,
         "config": _shared(configs),
-        "grid": {n: sorted({getattr(c, n) for c in configs}) for n in GRID_COLUMNS},
+        "grid": {n: sorted({key(c)[n] for c in configs}) for n in GRID_COLUMNS},
         "wall_seconds": round(float(curves.wall_seconds.sum()), 1),
         "processor_seconds": round(
             float(curves.sampling_seconds.sum() + curves.update_seconds.sum()), 1
@@ -515,10 +594,11 @@ def write(
     }
     with replacing(folder / "curves.csv") as temporary:
         curves.to_csv(temporary, index=False, float_format="%.6g")
-    if {c.precision for c in configs} == {"float32", "float64"}:
-        record["precision_columns"] = dict(PAIRED_COLUMNS)
-        with replacing(folder / "precision.csv") as temporary:
-            precision_compared(curves).to_csv(temporary, index=False, float_format="%.6g")
+    for column, name in COMPARISONS.items():
+        if len({key(c)[column] for c in configs}) > 1:
+            record["compared_columns"] = dict(PAIRED_COLUMNS)
+            with replacing(folder / name) as temporary:
+                compared(curves, column).to_csv(temporary, index=False, float_format="%.6g")
     with replacing(folder / "curves.json") as temporary:
         temporary.write_text(json.dumps(record, indent=1) + "\n")
     return curves
@@ -526,8 +606,12 @@ def write(
 
 def _shared(configs: Sequence[TrainConfig]) -> dict[str, Any]:
     """Settings all runs of the sweep have."""
-    settings = dataclasses.asdict(configs[0])
-    return {name: value for name, value in settings.items() if name not in GRID_COLUMNS}
+    settings = [dataclasses.asdict(c) for c in configs]
+    return {
+        name: value
+        for name, value in settings[0].items()
+        if name not in GRID and all(s[name] == value for s in settings)
+    }
 
 
 def _run_record(config: TrainConfig, runs: Path | str, errors: Mapping[str, str]) -> dict[str, Any]:
