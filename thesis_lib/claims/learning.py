@@ -6,10 +6,62 @@ Duan et al. are known to have run.
 
 from __future__ import annotations
 
-from thesis_lib.claims import Claim, Difference
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+
+from thesis_lib.claims import Claim, Difference, Tables
+from thesis_lib.experiments.base import repository_root
 from thesis_lib.policies.factory import recurrent_units
 
 CLAIMS: tuple[Claim, ...] = ()
+
+OPTIONS = repository_root() / "results" / "options"
+"""Sweeps that compare options of learning with their defaults, a directory a network."""
+
+
+def measured(net: str, variant: str, options: Path = OPTIONS) -> str:
+    """What an option changes in the mean return over the learning curve, as a sentence.
+
+    Parameters
+    ----------
+    net
+        Name of the network.
+    variant
+        The option, such as ``bootstrap=True``.
+    options
+        Directory of the sweeps.
+    """
+    folder = options / net
+    if not (folder / "variants.csv").exists():
+        return "Not measured yet."
+    record = json.loads((folder / "curves.json").read_text())
+    table = pd.read_csv(folder / "variants.csv")
+    found = table[(table.architecture == net) & (table.changed == variant)]
+    if found.empty:
+        return "Not measured yet."
+    row = found.iloc[0]
+    budget = record["config"]
+    return (
+        f"Measured with `{variant}` for the {net.upper()} on {row.task}: over "
+        f"{budget['iterations']} iterations of {budget['batch_steps']:,} steps the mean return is "
+        f"{_whole(row.mean_changed)} instead of {_whole(row.mean_reference)}, a difference of "
+        f"{_whole(row.difference)} (95% interval {_whole(row.low)} to {_whole(row.high)}, "
+        f"{row.n} seeds in pairs; t-test p = {row.p_difference:.2g}, {row.p_holm:.2g} after Holm "
+        f"for the {len(table)} options tried on this network)."
+    )
+
+
+def _whole(value: float) -> str:
+    return f"{value:.0f}".replace("-", "−")
+
+
+def _with_measurement(sentence: str, net: str, variant: str) -> Callable[[Tables], str]:
+    """An effect: what is known, then what was measured."""
+    return lambda tables: f"{sentence} {measured(net, variant)}"
+
 
 DIFFERENCES = (
     Difference(
@@ -64,7 +116,11 @@ DIFFERENCES = (
         "gamma is 0.99 (Duan et al.); the estimate is equation 2.12, the case lambda = 1 of "
         "generalised advantage estimation and the default of the author's library.",
         "`TrainConfig(discount=, trace=)`",
-        "A lambda below 1 trades variance for the bias of a linear baseline.",
+        _with_measurement(
+            "A lambda below 1 trades variance for the bias of a linear baseline.",
+            "dtrnn",
+            "trace=0.97",
+        ),
     ),
     Difference(
         "2.3.4-bootstrap",
@@ -74,8 +130,12 @@ DIFFERENCES = (
         "What follows the last step counts as 0, as in the author's code, even where only the "
         "limit ended the episode; crediting the cut with the baseline is an option.",
         "`TrainConfig(bootstrap=)`",
-        "Returns near the limit look smaller than they are. The baseline has the time among its "
-        "features and takes up most of it.",
+        _with_measurement(
+            "Returns near the limit look smaller than they are. The baseline has the time among "
+            "its features and takes up most of it.",
+            "dtrnn",
+            "bootstrap=True",
+        ),
     ),
     Difference(
         "2.3.4-baseline",
@@ -120,8 +180,12 @@ DIFFERENCES = (
         "defaults of the author's library. Its finite-difference products, which the LSTM's runs "
         "must have used, are not offered.",
         "`TrainConfig(cg_iterations=, damping=)`",
-        "10 steps leave a residual, which every learning curve records (column `residual`); the "
-        "line search makes the step safe all the same.",
+        _with_measurement(
+            "10 steps leave a residual, which every learning curve records (column `residual`); "
+            "the line search makes the step safe all the same.",
+            "dtrnn",
+            "damping=0.1",
+        ),
     ),
     Difference(
         "5.4-kl-with-clamp",
