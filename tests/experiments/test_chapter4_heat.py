@@ -201,24 +201,28 @@ class TestProtocol:
 
     def test_figure_4_7_is_the_runs_told(self, runs):
         table = heat.run_figure_4_7(TINY, CONTEXT)
-        own = table[(table.method == "none") & (table.last_episode == 2)]
-        own = own[own.first_episode == 1]
+        own = table[(table.method == "none") & (table.panel == "first episodes")]
+        assert (own.last_episode == 2).all()
         first = runs.returns[..., :2].sum(axis=-1)
         gap = first[:, self.at("fs-tek")] - first[:, self.at("none")]
         np.testing.assert_allclose(own.fstek_minus, gap.mean(axis=0))
         np.testing.assert_allclose(own.mean_return, first[:, self.at("none")].mean(axis=0))
-        single = table[table.first_episode == table.last_episode]
-        assert sorted(single.first_episode.unique()) == [1, 2, 3, 4]
-        assert set(single.tasks_seen) == {5}
-        third = single[(single.method == "fixed") & (single.first_episode == 3)]
-        assert third.mean_return.item() == pytest.approx(
-            runs.returns[:, self.at("fixed"), 1, 2].mean()
-        )
+        fixed = table[table.method == "fixed"].set_index(["panel", "first_episode"]).mean_return
+        own = runs.returns[:, self.at("fixed"), 1]
+        assert fixed["all followed", 1].item() == pytest.approx(own.sum(axis=1).mean())
+        assert fixed["by episode", 3].item() == pytest.approx(own[:, 2].mean())
+        assert set(table.tasks_seen[table.panel != "first episodes"]) == {5}
+
+    @pytest.mark.parametrize("last", [3, 5, 100])
+    def test_blocks_of_episodes_widen_and_leave_none_out(self, last):
+        spans = heat.blocks(last)
+        assert [e for a, b in spans for e in range(a, b + 1)] == list(range(1, last + 1))
+        lengths = [b - a for a, b in spans]
+        assert lengths == sorted(lengths)
 
     def test_figure_4_8_has_the_rates_of_figure_4_7(self):
         rates = heat.run_figure_4_8(TINY, CONTEXT).set_index(["method", "tasks_seen"])
-        table = heat.run_figure_4_7(TINY, CONTEXT)
-        table = table[table.last_episode == 2].query("first_episode == 1")
+        table = heat.run_figure_4_7(TINY, CONTEXT).query("panel == 'first episodes'")
         table = table.set_index(["method", "tasks_seen"])
         assert (rates.fpr == table.fpr[rates.index]).all()
         assert (rates.tpr == table.tpr[rates.index]).all()
@@ -288,16 +292,20 @@ def test_a_reading_changes_what_it_names_and_nothing_else(reading):
 
 
 def gains(by, ci=1.0, none=-100.0, **extra):
-    """A table of figure 4.7 with given gains over no selection, {(sensor, n): gain}."""
+    """A table of figure 4.7 with given gains of FS-TEK over no selection, {(sensor, n): gain}."""
     rows = []
     for (sensor, n), gain in by.items():
-        head = {"sensor": sensor, "tasks_seen": n, "n_runs": 9, **extra}
-        rows.append({**head, "method": "none", "mean_return": none, "fstek_minus": gain})
-    return pd.DataFrame(rows).assign(fstek_minus_ci95=ci, none_minus=0.0, none_minus_ci95=0.0)
+        for method in ("none", "fs-tek", "fixed", "jackknife"):
+            own = gain if method == "fs-tek" else 0.0
+            row = {"sensor": sensor, "tasks_seen": n, "method": method, "n_runs": 9, **extra}
+            row |= {"mean_return": none + own, "fstek_minus": gain - own, "none_minus": -own}
+            rows.append(row)
+    return pd.DataFrame(rows).assign(fstek_minus_ci95=ci, none_minus_ci95=ci)
 
 
 def first_five(by, **options):
-    return {"figure-4.7": gains(by, **options, first_episode=1, last_episode=5)}
+    options = {"first_episode": 1, "last_episode": 5, "panel": "first episodes"} | options
+    return {"figure-4.7": gains(by, **options)}
 
 
 EVERY = {(s, n): g for s, g in ((0.01, 5), (0.02, 20), (0.04, 9), (0.06, 8)) for n in (4, 5, 6)}
@@ -324,21 +332,32 @@ def test_verdicts_on_hand_made_tables():
 
 def test_the_dip_is_a_significant_loss_after_many_tasks():
     def table(gain):
-        parts = [
-            gains({(0.02, n): gain(n, e)}, ci=0.5, first_episode=e, last_episode=e)
-            for n in (4, 12)
-            for e in range(1, 101)
-        ]
+        """Gains of blocks, given the gain of each episode."""
+        parts = []
+        for first, last in heat.blocks(100):
+            by = {(0.02, n): sum(gain(n, e) for e in range(first, last + 1)) for n in (4, 12)}
+            ci, none = 0.5 * (last - first + 1), -100.0 * (last - first + 1)
+            parts.append(
+                gains(by, ci, none, first_episode=first, last_episode=last, panel="by episode")
+            )
+        total = {(0.02, n): sum(gain(n, e) for e in range(1, 101)) for n in (4, 12)}
+        parts.append(gains(total, first_episode=1, last_episode=100, panel="all followed"))
         return {"figure-4.7": pd.concat(parts)}
 
-    dips = table(lambda n, e: 5.0 if n == 4 else (-3.0 if e < 20 else 0.0))
-    assert ledger.dip(dips).verdict == Verdict.REPRODUCED
-    assert ledger.overcome(dips).verdict == Verdict.NOT_REPRODUCED  # 5 of 100 after 4 tasks
-    falls = table(lambda n, e: 5.0 if n == 4 else 0.2)
-    assert ledger.dip(falls).verdict == Verdict.DIRECTION
+    late = table(lambda n, e: 6.0 if n == 4 else (-3.0 if e < 50 else 0.0))
+    assert ledger.dip(late).verdict == Verdict.REPRODUCED
+    assert ledger.overcome(late).verdict == Verdict.NOT_REPRODUCED  # 6 of 100 after 4 tasks
+    soon = table(lambda n, e: -2.0 if n == 4 else 0.2)
+    assert ledger.dip(soon).verdict == Verdict.DIRECTION
+    assert "-2.0 ± 0.5 after 4, +0.2 ± 0.5 after 12" in ledger.dip(soon).evidence
     none = table(lambda n, e: 0.1)
     assert ledger.dip(none).verdict == Verdict.NOT_REPRODUCED
     assert ledger.overcome(none).verdict == Verdict.REPRODUCED
+    # Totals after 4 and 12 tasks: 600 and -147, -200 and 20, 10 and 10.
+    assert ledger.whole(late).verdict == Verdict.DIRECTION
+    assert "FS-TEK +600 ± 1 after 4, -147 ± 1 after 12" in ledger.whole(late).evidence
+    assert ledger.whole(soon).verdict == Verdict.DIRECTION
+    assert ledger.whole(none).verdict == Verdict.REPRODUCED
 
 
 def test_the_false_positive_rate_is_judged_between_the_ends():
@@ -384,12 +403,13 @@ def test_figures_draw_at_smoke():
     drawn = [
         show.figure_4_7(seven),
         show.all_methods(seven),
+        show.by_episode(seven, ("fixed", "jackknife")),
         show.figure_4_8(eight),
         show.world(task, states, [30, 20, 10]),
-        show.potentials(SHORT, [phi, phi - 1], ["one", "other"], task),
+        show.potentials(SHORT, (phi, phi - 1), ("one", "other"), task, [(2.0, 3.0), (5.0, 5.0)]),
     ]
     assert all(isinstance(fig, Figure) for fig in drawn)
     # Clockwise from the top left: the second level of noise is at the top right.
-    titles = [ax.get_title() for ax in drawn[2].axes[:2]]
+    titles = [ax.get_title() for ax in drawn[3].axes[:2]]
     assert "0.02" in titles[0]
     assert "0.06" in titles[1]

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from thesis_lib.book.chapter4 import returns, roc
@@ -14,6 +15,7 @@ from thesis_lib.book.drawings import draw_heat
 from thesis_lib.book.style import COLOURS, PRINTED
 from thesis_lib.domains.heat import HeatTask
 from thesis_lib.experiments.chapter4.heat_worlds import HeatSpace
+from thesis_lib.experiments.chapter4.protocol import SYMBOLS
 from thesis_lib.mdp.model import FloatArray
 
 CLOCKWISE = ((0, 0), (0, 1), (1, 1), (1, 0))
@@ -50,15 +52,22 @@ def world(task: HeatTask, states: FloatArray, lengths: Sequence[int]) -> Figure:
     axes[0].plot(x[0], y[0], "o", color=COLOURS[0], ms=6, zorder=4)
     axes[0].set_aspect("equal")
     episodes = np.arange(1, len(lengths) + 1)
-    axes[1].loglog(episodes, lengths, ".", ms=3, color=COLOURS[0])
+    axes[1].loglog(episodes, lengths, ".", ms=2, color=COLOURS[0], alpha=0.5)
+    smooth = pd.Series(lengths).rolling(20, min_periods=1).mean()
+    axes[1].plot(episodes, smooth, color=COLOURS[1], label="mean of the last 20")
+    axes[1].legend(fontsize=8)
     axes[1].set(xlabel="episode", ylabel="steps to the source")
     return fig
 
 
 def potentials(
-    space: HeatSpace, weights: Sequence[FloatArray], titles: Sequence[str], task: HeatTask
+    space: HeatSpace,
+    weights: tuple[FloatArray, FloatArray],
+    titles: tuple[str, str],
+    task: HeatTask,
+    sources: Sequence[tuple[float, float]],
 ) -> Figure:
-    """Greedy value of some potentials over the area, mean over headings, in one new task.
+    """Greedy value of two potentials over the area, mean over headings, and their difference.
 
     Parameters
     ----------
@@ -70,6 +79,8 @@ def potentials(
         Their names.
     task
         The new task, whose source heats the sensor.
+    sources
+        Where the sources of the observed tasks were.
     """
     low, high = space.world.radius, space.world.size - space.world.radius
     at = np.linspace(low, high, 41)
@@ -83,24 +94,31 @@ def potentials(
             q = table[space.coding.active(point)].sum(axis=1)
             total += q.max(axis=1).reshape(x.shape) / 16
         maps.append(total)
+    gap = maps[0] - maps[1]
     limits = min(m.min() for m in maps), max(m.max() for m in maps)
-    fig, axes = plt.subplots(1, len(maps), figsize=(7.2, 3.0), sharey=True, squeeze=False)
-    for ax, values, title in zip(axes[0], maps, titles, strict=True):
-        shown = ax.pcolormesh(x, y, values, vmin=limits[0], vmax=limits[1], cmap="viridis")
-        ax.plot(*task.source, marker="*", ms=13, color="w", mec=PRINTED)
+    ranges = [limits, limits, (-np.abs(gap).max(), np.abs(gap).max())]
+    fig, axes = plt.subplots(1, 3, figsize=(7.2, 3.2), sharey=True)
+    for ax, values, (least, most), title in zip(
+        axes, [*maps, gap], ranges, [*titles, "difference"], strict=True
+    ):
+        colours = "RdBu_r" if values is gap else "viridis"
+        shown = ax.pcolormesh(x, y, values, vmin=least, vmax=most, cmap=colours)
+        ax.plot(*task.source, marker="*", ms=12, color="w", mec=PRINTED)
+        ax.plot(*np.transpose(sources), "o", ms=6, mfc="none", mec=PRINTED)
         ax.set(title=title, xlabel="x", aspect="equal", xlim=(0, 10), ylim=(0, 10))
         ax.grid(False)
-    axes[0, 0].set_ylabel("y")
-    fig.colorbar(shown, ax=axes, shrink=0.8, label="potential [reward]")
+        if ax is not axes[0]:
+            fig.colorbar(shown, ax=ax, location="bottom", label="reward", shrink=0.9)
+    axes[0].set_ylabel("y")
     return fig
 
 
 def figure_4_7(table: pd.DataFrame) -> Figure:
     """FS-TEK's gain over no selection: first episodes by noise, and episode by episode."""
     own = table[table.method == "none"]
-    single = own.first_episode == own.last_episode
+    left, right = own[own.panel == "first episodes"], own[own.panel == "by episode"]
     fig, axes = plt.subplots(1, 2, figsize=(7.2, 3.8))
-    for i, (sensor, at) in enumerate(own[~single].groupby("sensor")):
+    for i, (sensor, at) in enumerate(left.groupby("sensor")):
         axes[0].errorbar(
             at.tasks_seen + 0.06 * (i - 1.5),
             at.fstek_minus,
@@ -112,39 +130,47 @@ def figure_4_7(table: pd.DataFrame) -> Figure:
             lw=1.2,
             label=rf"$\sigma_{{sensor}}$ = {sensor:g}",
         )
-    last = int(own[~single].last_episode.max())
+    last = int(left.last_episode.max())
     axes[0].set(xlabel="tasks seen", ylabel=f"gain in the first {last} episodes [reward]")
-    followed = own[single]
-    grid = sorted(followed.tasks_seen.unique())
-    for i, n in enumerate(grid):
-        at = followed[followed.tasks_seen == n].sort_values("first_episode")
-        x, mean, half = _binned(at)
-        colour = plt.get_cmap("viridis")(0.9 * i / max(len(grid) - 1, 1))
-        axes[1].plot(x, mean, color=colour, lw=1.2, label=f"{n} tasks")
-        axes[1].fill_between(x, mean - half, mean + half, color=colour, alpha=0.15, lw=0)
-    axes[1].set(xlabel="episode", ylabel="gain an episode [reward]", xscale="log")
-    axes[1].set_yscale("symlog", linthresh=1.0)
+    _by_episode(axes[1], right, "fstek_minus", 1)
     for ax in axes:
         ax.axhline(0, color=PRINTED, lw=0.8)
-        ax.legend(fontsize=7, ncols=2)
+        ax.legend(fontsize=7, ncols=2 if ax is axes[1] else 1)
     return fig
 
 
-def _binned(at: pd.DataFrame) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Gains in bins of episodes that widen, with the mean half-width as a bound."""
-    episode = at.first_episode.to_numpy()
-    edges = np.unique(np.geomspace(1, episode.max() + 1, 22).astype(int))
-    labels = np.digitize(episode, edges)
-    by = at.groupby(labels)
-    columns = (by[c].mean().to_numpy() for c in ("first_episode", "fstek_minus"))
-    x, mean = columns
-    return x, mean, by.fstek_minus_ci95.mean().to_numpy()
+def by_episode(table: pd.DataFrame, methods: tuple[str, ...]) -> Figure:
+    """Gain over no selection episode by episode, one panel a method."""
+    own = table[table.panel == "by episode"]
+    fig, axes = plt.subplots(1, len(methods), figsize=(7.2, 3.6), sharey=True, squeeze=False)
+    for ax, method in zip(axes[0], methods, strict=True):
+        _by_episode(ax, own[own.method == method], "none_minus", -1)
+        ax.axhline(0, color=PRINTED, lw=0.8)
+        ax.set_title(SYMBOLS[method])
+    for ax in axes[0, 1:]:
+        ax.set_ylabel("")
+    axes[0, 0].legend(fontsize=7, ncols=2)
+    return fig
+
+
+def _by_episode(ax: Axes, rows: pd.DataFrame, gap: str, sign: int) -> None:
+    """Gain an episode over blocks of episodes, one line a number of tasks."""
+    grid = sorted(rows.tasks_seen.unique())
+    for i, n in enumerate(grid):
+        at = rows[rows.tasks_seen == n].sort_values("first_episode")
+        length = at.last_episode - at.first_episode + 1
+        middle, mean = (at.first_episode + at.last_episode) / 2, sign * at[gap] / length
+        half = at[f"{gap}_ci95"] / length
+        colour = plt.get_cmap("viridis")(0.9 * i / max(len(grid) - 1, 1))
+        ax.plot(middle, mean, "o-", ms=2.5, color=colour, lw=1.2, label=f"{n} tasks")
+        ax.fill_between(middle, mean - half, mean + half, color=colour, alpha=0.15, lw=0)
+    ax.set(xlabel="episode", ylabel="gain an episode [reward]", xscale="log")
+    ax.set_yscale("symlog", linthresh=10.0)
 
 
 def all_methods(table: pd.DataFrame) -> Figure:
     """Return of the first episodes for all methods, one panel a level of noise."""
-    own = table[(table.first_episode == 1) & (table.last_episode > 1)]
-    own = own[own.last_episode == own.last_episode.min()]
+    own = table[table.panel == "first episodes"]
     fig, axes = plt.subplots(2, 2, figsize=(7.2, 5.6), sharex=True, sharey=True)
     for at, (sensor, part) in zip(CLOCKWISE, own.groupby("sensor"), strict=False):
         returns(axes[at], part)

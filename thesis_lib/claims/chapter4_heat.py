@@ -17,20 +17,14 @@ MANY = 10
 MARGIN = 0.1
 """Returns within this share of that without selection count as on a par."""
 
-EARLY = 10
-"""Last of the early episodes of a task."""
+DIP = (6, 40)
+"""The early episodes after those that the left panel counts."""
 
 
-def _gains(table: pd.DataFrame, last: int | None = None) -> pd.DataFrame:
-    """FS-TEK's paired gain over no selection in the first episodes, by noise and tasks seen."""
-    own = table[(table.method == "none") & (table.first_episode == 1)]
-    own = own[own.last_episode == (own.last_episode.max() if last is None else last)]
-    return own.sort_values(["sensor", "tasks_seen"])
-
-
-def _followed(table: pd.DataFrame) -> pd.DataFrame:
-    """The same for every single episode, at the noise that is followed."""
-    return table[(table.method == "none") & (table.first_episode == table.last_episode)]
+def _gains(table: pd.DataFrame, panel: str = "first episodes") -> pd.DataFrame:
+    """FS-TEK's paired gain over no selection, by noise, tasks seen and episodes."""
+    own = table[(table.method == "none") & (table.panel == panel)]
+    return own.sort_values(["sensor", "tasks_seen", "first_episode"])
 
 
 def _pooled(own: pd.DataFrame) -> tuple[float, float]:
@@ -111,9 +105,8 @@ def jump(tables: Tables) -> Finding:
 def control(tables: Tables) -> Finding:
     """A constant potential against FS-TEK and against no selection, for few tasks."""
     table = tables["figure-4.7"]
-    last = int(_gains(table).last_episode.max())
-    own = table[(table.method == "constant") & (table.first_episode == 1)]
-    own = own[(own.last_episode == last) & (own.tasks_seen <= FEW)]
+    own = table[(table.method == "constant") & (table.panel == "first episodes")]
+    own = own[own.tasks_seen <= FEW]
     behind = own.none_minus - own.none_minus_ci95 > 0
     beaten = own.fstek_minus - own.fstek_minus_ci95 > 0
     evidence = (
@@ -208,35 +201,79 @@ def false_positives(tables: Tables) -> Finding:
     return Finding(Verdict.DIRECTION if gap > 0 else Verdict.NOT_REPRODUCED, evidence)
 
 
-def dip(tables: Tables) -> Finding:
-    """FS-TEK's gain in the early episodes after many tasks, at the noise of the right panel."""
-    own = _followed(tables["figure-4.7"])
+def _early(table: pd.DataFrame, method: str) -> dict[int, tuple[float, float]]:
+    """A method's gain an episode over no selection in the early episodes, by tasks seen."""
+    own = table[(table.method == method) & (table.panel == "by episode")]
+    own = own[(own.first_episode >= DIP[0]) & (own.last_episode <= DIP[1])]
     by = {}
-    for n, at in own[own.first_episode <= EARLY].groupby("tasks_seen"):
-        by[int(str(n))] = (*_pooled(at), float(at.fstek_minus.min()))
-    last = max(by)
-    told = ", ".join(f"{m:+.1f} ± {h:.1f} after {n}" for n, (m, h, _) in by.items())
-    evidence = (
-        f"Paired gain an episode over the first {EARLY} episodes: {told} tasks; the lowest single "
-        f"episode after {last} tasks has {by[last][2]:+.1f}."
+    for n, at in own.groupby("tasks_seen"):
+        length = float((at.last_episode - at.first_episode + 1).sum())
+        # Blocks of one run may be fully correlated, so half-widths add up.
+        gain, half = -float(at.none_minus.sum()), float(at.none_minus_ci95.sum())
+        by[int(str(n))] = gain / length, half / length
+    return by
+
+
+def dip(tables: Tables) -> Finding:
+    """Gain in early episodes by number of tasks, at the noise of the right panel."""
+    table = tables["figure-4.7"]
+    by, fixed = _early(table, "fs-tek"), _early(table, "fixed")
+    told = ", ".join(f"{m:+.1f} ± {h:.1f} after {n}" for n, (m, h) in by.items())
+    ends = " and ".join(
+        f"{fixed[n][0]:+.1f} ± {fixed[n][1]:.1f} after {n}" for n in (min(fixed), max(fixed))
     )
-    if by[last][0] + by[last][1] < 0:
+    evidence = (
+        f"FS-TEK's paired gain an episode in early episodes (from {DIP[0]} to at most {DIP[1]}): "
+        f"{told} tasks. Where it removes nothing there is nothing to dip. Heat and action alone "
+        f"gain {ends} tasks."
+    )
+    dips = [n for n, (m, h) in by.items() if m + h < 0]
+    if dips and max(dips) == max(by):
         return Finding(Verdict.REPRODUCED, evidence)
-    falls = by[last][0] < by[min(n for n in by if n > 3)][0]
-    return Finding(Verdict.DIRECTION if falls else Verdict.NOT_REPRODUCED, evidence)
+    if dips:
+        return Finding(Verdict.DIRECTION, evidence)
+    return Finding(Verdict.NOT_REPRODUCED, evidence)
+
+
+def whole(tables: Tables) -> Finding:
+    """FS-TEK's and fixed features' gain over all episodes followed."""
+    table = tables["figure-4.7"]
+    own = table[table.panel == "all followed"]
+    last = int(own.last_episode.max())
+    told = {}
+    for method in ("fs-tek", "fixed", "jackknife"):
+        at = own[own.method == method]
+        told[method] = ", ".join(
+            f"{-r.none_minus:+.0f} ± {r.none_minus_ci95:.0f} after {r.tasks_seen}"
+            for r in at.itertuples()
+        )
+    at = own[own.method == "fs-tek"]
+    better = bool((at.none_minus + at.none_minus_ci95 < 0).any())
+    worse = bool((at.none_minus - at.none_minus_ci95 > 0).any())
+    evidence = (
+        f"Total of {last} episodes, paired gain over no selection: FS-TEK {told['fs-tek']} tasks; "
+        f"heat and action alone {told['fixed']}; jackknife F {told['jackknife']}."
+    )
+    if better and not worse:
+        return Finding(Verdict.REPRODUCED, evidence)
+    return Finding(Verdict.DIRECTION if better else Verdict.NOT_REPRODUCED, evidence)
 
 
 def overcome(tables: Tables) -> Finding:
-    """FS-TEK's gain in the last fifth of the episodes followed."""
-    own = _followed(tables["figure-4.7"])
-    late = own[own.first_episode > 0.8 * own.first_episode.max()]
-    by = late.groupby("tasks_seen")[["fstek_minus", "fstek_minus_ci95", "mean_return"]].mean()
-    near = (by.fstek_minus.abs() < 0.05 * by.mean_return.abs()).all()
-    told = ", ".join(f"{r.fstek_minus:+.2f} after {n}" for n, r in by.iterrows())
+    """FS-TEK's gain in the last of the episodes followed."""
+    own = _gains(tables["figure-4.7"], "by episode")
+    late = own[own.last_episode == own.last_episode.max()]
+    length = late.last_episode - late.first_episode + 1
+    near = (late.fstek_minus.abs() < 0.05 * late.mean_return.abs()).all()
+    told = ", ".join(
+        f"{g:+.2f} after {n}"
+        for n, g in zip(late.tasks_seen, late.fstek_minus / length, strict=True)
+    )
     return Finding(
         Verdict.REPRODUCED if near else Verdict.NOT_REPRODUCED,
-        f"Mean paired gain in episodes {int(late.first_episode.min())} to "
-        f"{int(late.first_episode.max())}: {told} tasks, of {by.mean_return.mean():.1f}.",
+        f"Mean paired gain an episode in episodes {int(late.first_episode.min())} to "
+        f"{int(late.last_episode.max())}: {told} tasks, of "
+        f"{float((late.mean_return / length).mean()):.1f}.",
     )
 
 
@@ -328,8 +365,8 @@ CLAIMS: tuple[Claim, ...] = (
         "4.3",
         "As the number of tasks increases, the gain dips in early episodes (Figure 4.7, right).",
         ("figure-4.7",),
-        "At the largest number of tasks the mean paired gain over the first ten episodes is "
-        "significantly below 0.",
+        "At the largest number of tasks the mean paired gain in episodes 6 to 40 is significantly "
+        "below 0; direction only if it is so at some smaller number.",
         dip,
     ),
     Claim(
@@ -342,11 +379,20 @@ CLAIMS: tuple[Claim, ...] = (
         information,
     ),
     Claim(
+        "4.3-heat-total",
+        "4.3",
+        "Selection pays on the heat domain (implied by the jump; the longer horizon is ours).",
+        ("figure-4.7",),
+        "Over all episodes followed the paired gain over no selection is above 0 at some number of "
+        "tasks and below 0 at none; direction only if there are both.",
+        whole,
+    ),
+    Claim(
         "4.3-heat-overcome",
         "4.3",
         "The slightly wrong bias of the smaller potential is quickly overcome.",
         ("figure-4.7",),
-        "In the last fifth of the episodes followed the mean gain is within 5% of the return.",
+        "In the last block of the episodes followed the mean gain is within 5% of the return.",
         overcome,
     ),
 )

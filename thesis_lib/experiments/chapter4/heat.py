@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
@@ -55,6 +56,8 @@ class Runs:
 
     Attributes
     ----------
+    sensor
+        sigma_sensor.
     returns
         Return of each test episode, mean over test tasks, shape ``(runs, methods, numbers
         of tasks, episodes)``; NaN for episodes that were not run.
@@ -64,6 +67,7 @@ class Runs:
         Number of features FS-TEK was unsure about, shape ``(runs, methods, numbers)``.
     """
 
+    sensor: float
     returns: FloatArray
     support: BoolArray
     unsure: IntArray
@@ -128,7 +132,8 @@ def measure_heat(config: HeatConfig, space: HeatSpace, context: Context, test: b
 
     label = f"heat, sensor noise {space.world.sensor:g}"
     results = context.map(one, context.seeds(protocol.runs, 4, 20), label)
-    return Runs(*(np.stack(part) for part in zip(*results, strict=True)))
+    returns, support, unsure = (np.stack(part) for part in zip(*results, strict=True))
+    return Runs(space.world.sensor, returns, support, unsure)
 
 
 def run_figure_4_7(config: HeatConfig, context: Context) -> pd.DataFrame:
@@ -137,26 +142,38 @@ def run_figure_4_7(config: HeatConfig, context: Context) -> pd.DataFrame:
     for sensor in config.sensors:
         space = config.space.with_noise(sensor)
         runs = measure_heat(config, space, context, test=True)
-        records += _records(config, space, runs, 1, config.first, config.protocol)
+        truth = _truth(config, space)
+        records += _records(runs, "first episodes", (1, config.first), config.protocol, truth)
         if sensor != config.followed_sensor or not config.followed:
             continue
-        at = [n for n in config.protocol.tasks_seen if n in config.followed_at]
-        where = [config.protocol.tasks_seen.index(n) for n in at]
-        part = Runs(runs.returns[:, :, where], runs.support[:, :, where], runs.unsure[:, :, where])
-        size = replace(config.protocol, tasks_seen=tuple(at))
-        for episode in range(1, config.followed + 1):
-            records += _records(config, space, part, episode, episode, size)
+        at = [j for j, n in enumerate(config.protocol.tasks_seen) if n in config.followed_at]
+        part = Runs(sensor, runs.returns[:, :, at], runs.support[:, :, at], runs.unsure[:, :, at])
+        size = replace(config.protocol, tasks_seen=tuple(config.protocol.tasks_seen[j] for j in at))
+        records += _records(part, "all followed", (1, config.followed), size, truth)
+        for block in blocks(config.followed):
+            records += _records(part, "by episode", block, size, truth)
     return rows(records)
 
 
+def blocks(last: int) -> list[tuple[int, int]]:
+    """Blocks of episodes that widen in proportion, as pairs of first and last, from 1 on."""
+    edges = np.unique(np.geomspace(1, last + 1, 18).round().astype(int)).tolist()
+    return [(a, b - 1) for a, b in pairwise(edges)]
+
+
 def _records(
-    config: HeatConfig, space: HeatSpace, runs: Runs, first: int, last: int, size: Protocol
+    runs: Runs, panel: str, span: tuple[int, int], size: Protocol, truth: BoolArray
 ) -> list[dict[str, float | str | int]]:
-    """Rows on the total return of the episodes from ``first`` to ``last``."""
+    """Rows on the total return of the episodes of a span."""
+    first, last = span
     total = runs.returns[..., first - 1 : last].sum(axis=-1)
-    truth = _truth(config, space)
     told = summarise(size, total, runs.support, runs.unsure, truth)
-    head = {"sensor": space.world.sensor, "first_episode": first, "last_episode": last}
+    head = {
+        "sensor": runs.sensor,
+        "panel": panel,
+        "first_episode": first,
+        "last_episode": last,
+    }
     return [{**head, **record} for record in told]
 
 
@@ -206,7 +223,7 @@ SMALL = HeatConfig(
     sensors=(0.02, 0.06),
     protocol=Protocol(runs=2, tests=1, tasks_seen=(3, 4, 5)),
     first=2,
-    followed=3,
+    followed=8,
     followed_at=(3, 5),
 )
 
@@ -214,6 +231,7 @@ BOOK = HeatConfig(protocol=Protocol(runs=40, tasks_seen=TASKS_SEEN))
 
 HEAD = {
     "sensor": "sigma_sensor; sigma_slip is .1",
+    "panel": "first episodes (left), by episode (right), or all followed, their total",
     "first_episode": "first episode of a test task that counts, from 1",
     "last_episode": "last episode that counts",
 }
