@@ -1,10 +1,12 @@
 """Claims of chapter 5, and where this edition differs from it.
 
-So far those of sections 5.1 (tasks, terrain, noise) and 5.3 (the robustness score).
+So far those of sections 5.1 (tasks, terrain, noise), 5.2 (architectures), 5.3 (the robustness
+score) and the sizes of section 5.4.
 """
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
 
 from thesis_lib import published
@@ -21,6 +23,15 @@ RECOVERY_MARGIN = 0.25
 """Ways that differ by less than this share count as equal."""
 
 RIGHT_ANGLE = 1.5707963267948966
+
+ROUNDING = 1e-9
+"""Computations in float64 that agree to this, relatively, count as the same."""
+
+SAME_SIZE = (0.75, 4 / 3)
+"""Two networks have roughly the same number of parameters if the ratio lies between these."""
+
+SLOW, GAIT, FAST = 0.5, 2.0, 10.0
+"""Frequencies that count as slow (below), as those of a gait (about) and as noise (above) [Hz]."""
 
 
 # ------------------------------------------------------------------------------ section 5.1
@@ -241,6 +252,203 @@ def slowing_beats_turning(tables: Tables) -> Finding:
     )
 
 
+# ------------------------------------------------------------------------------ section 5.2
+
+
+def euler_is_discrete(tables: Tables) -> Finding:
+    """Euler steps of the time constant against the discrete-time network."""
+    worst = tables["section-5.2-identities"].groupby("net").difference.max()
+    euler = worst["CTRNN by Euler steps of the time constant"]
+    heun = worst["CTRNN by Heun steps of the time constant"]
+    return Finding(
+        Verdict.REPRODUCED if euler < ROUNDING else Verdict.REFUTED,
+        f"Over random inputs no unit differs by more than {euler:.0e}. By the author's midpoint "
+        f"steps of the same length the two differ by up to {heun:.2f}.",
+    )
+
+
+def gradient_of_the_integrator(tables: Tables) -> Finding:
+    """Backpropagation through an integrator against integrating the adjoint equations."""
+    table = tables["section-5.2.2-gradients"]
+    worst = table.groupby(["integrator", "places"]).difference.max()
+    middle = table.groupby(["integrator", "places", "ratio"]).difference.median()
+    ratio = min(table.ratio, key=lambda r: abs(r - 0.1))
+    exact = {name: worst[name, "stages"] for name in ("euler", "heun")}
+    evidence = (
+        "If the backward step takes the states at which the forward step evaluated its slopes, "
+        f"they agree to {exact['euler']:.0e} for Euler and {exact['heun']:.0e} for the author's "
+        "midpoint. From the states at the steps' ends alone they differ, at a step of "
+        f"{ratio:g} time constants, by {middle['euler', 'nodes', ratio]:.1%} and "
+        f"{middle['heun', 'nodes', ratio]:.2%}; those of the true midpoint by "
+        f"{middle['midpoint', 'nodes', ratio]:.2%}."
+    )
+    if max(exact.values()) < ROUNDING:
+        return Finding(Verdict.REPRODUCED, evidence)
+    close = max(middle[name, "stages", ratio] for name in exact) < 0.01
+    return Finding(Verdict.DIRECTION if close else Verdict.REFUTED, evidence)
+
+
+def short_time_constants(tables: Tables) -> Finding:
+    """Share of networks with a mode that an integrator lets grow, by time constant."""
+    table = tables["section-5.2.2-stability"]
+    nets = table[table.net != "leak alone"]
+    unstable = (nets.growth > 1 + ROUNDING).groupby(nets.ratio).mean()
+    alone = table[(table.net == "leak alone") & (table.growth > 1 + ROUNDING)].ratio
+    below, above = unstable[unstable.index < 1], unstable[unstable.index >= 1]
+    told = ", ".join(f"{share:.0%} at {ratio:g}" for ratio, share in unstable.items())
+    evidence = (
+        "Share of untrained networks with a mode about rest that should decay and grows, by time "
+        f"constant over step: {told}. The leak by itself is unstable from {alone.max():g} of a "
+        "step downwards only."
+    )
+    if (below > 0.5).all() and (above < 0.5).all():
+        return Finding(Verdict.REPRODUCED, evidence)
+    return Finding(Verdict.DIRECTION if below.max() > 0.5 else Verdict.REFUTED, evidence)
+
+
+def keeps_for_long(tables: Tables) -> Finding:
+    """An impulse in an LSTM, at the start of training and with its forget gates open."""
+    table = tables["section-5.2.3-memory"]
+    held = table[table.net == "LSTM, forget gate open"].left.min()
+    gone = table.groupby("net").steps.agg(["median", "count", "size"])
+    told = ", ".join(
+        f"{n.Index} {n.count_} of {n.size_} (median {n.median_:.0f} steps)"
+        for n in gone.add_suffix("_").loc[["LSTM", "GRU", "DTRNN"]].itertuples()
+    )
+    evidence = (
+        f"With the forget gates open at least {held:.2%} of an impulse is left after "
+        f"{table.limit.iloc[0]} steps. Before training 1% is left sooner or later in: {told}; the "
+        "others end in another state for good."
+    )
+    return Finding(Verdict.REPRODUCED if held > 0.99 else Verdict.REFUTED, evidence)
+
+
+def small_radius_forgets(tables: Tables) -> Finding:
+    """Lyapunov exponents of reservoirs with a spectral radius below 1."""
+    table = tables["section-5.2.5-radius"]
+    below = table[table.spectral_radius < 1]
+    worst = below.exponent.max()
+    return Finding(
+        Verdict.REPRODUCED if worst < 0 else Verdict.REFUTED,
+        f"The largest exponent of {len(below)} runs is {worst:.3f} a step, so that the slowest "
+        f"difference halves in {np.log(2) / -worst:.0f} steps."
+        if worst < 0
+        else f"The largest exponent of {len(below)} runs is {worst:.3f} a step.",
+    )
+
+
+def large_radius_magnifies(tables: Tables) -> Finding:
+    """Lyapunov exponents of reservoirs with a spectral radius above 1, with and without input."""
+    table = tables["section-5.2.5-radius"]
+    above = table[table.spectral_radius > 1].assign(grows=lambda t: t.exponent > 0)
+    share = above.groupby("noise").grows.mean()
+    quiet, loud = share.index.min(), share.index.max()
+    rest = (above.at_rest > 0).mean()
+    used = above[(above.spectral_radius == 1.1) & (above.leak == 0.5)].groupby("noise")
+    evidence = (
+        f"Of the runs with a radius above 1 {share[quiet]:.0%} have a positive exponent without "
+        f"input and {share[loud]:.0%} with noise of standard deviation {loud:g} on every input"
+    )
+    evidence += f"; about rest differences grow in {rest:.0%} of them"
+    if not used.ngroups:
+        evidence += "."
+    else:
+        mean = used.exponent.mean()
+        evidence += (
+            f". With the values used in most tasks, 1.1 and a leak of 0.5, the exponents are "
+            f"{mean[quiet]:.3f} and {mean[loud]:.3f} a step."
+        )
+    if share[quiet] > 0.5 and share[loud] > 0.5:
+        return Finding(Verdict.REPRODUCED, evidence)
+    return Finding(Verdict.DIRECTION if rest > 0.5 else Verdict.NOT_REPRODUCED, evidence)
+
+
+def low_pass(tables: Tables) -> Finding:
+    """Gain at the frequencies of noise over that of slow signals, before training."""
+    table = tables["section-5.2-gain"]
+    bands = {
+        "slow": table.frequency < SLOW,
+        "gait": table.frequency.between(GAIT / 1.2, GAIT * 1.2),
+        "fast": table.frequency > FAST,
+    }
+    gain = pd.DataFrame(
+        {band: table[rows].groupby(["net", "seed"]).gain.mean() for band, rows in bands.items()}
+    )
+    ratio = (gain.fast / gain.slow).unstack()
+    kept = (gain.gait / gain.slow).unstack().mean(axis=1)
+    ours = ratio.index.str.startswith("CTRNN")
+    least = ratio[~ours].min()
+    wins = (ratio[ours] < least).mean(axis=1)
+    mean = ratio.mean(axis=1)
+    best = mean[~ours].idxmin()
+    evidence = (
+        f"Gain above {FAST:g} Hz over that below {SLOW:g} Hz, before training: "
+        + ", ".join(f"{net} {mean[net]:.3f}" for net in mean.index[ours])
+        + f"; the next is {best} with {mean[best]:.2f}. At {GAIT:g} Hz, where a gait is, "
+        + " and ".join(f"{kept[net]:.2f}" for net in mean.index[ours])
+        + f" of the slow gain is left ({best}: {kept[best]:.2f})."
+    )
+    if (wins == 1).all():
+        return Finding(Verdict.REPRODUCED, evidence)
+    return Finding(Verdict.DIRECTION if wins.mean() > 0.5 else Verdict.NOT_REPRODUCED, evidence)
+
+
+# ------------------------------------------------------------------------------ section 5.4
+
+
+def _against_lstm(tables: Tables) -> pd.DataFrame:
+    """Learned parameters over those of the LSTM: tasks by nets, as the thesis sets them up."""
+    table = tables["section-5.4-sizes"]
+    learned = table[table.thesis].set_index(["task", "net"]).learned.unstack()
+    return learned.div(learned.lstm, axis=0)
+
+
+def vanilla_as_large_as_lstm(tables: Tables) -> Finding:
+    """Parameters of DTRNN, CTRNN and GRU over those of the LSTM."""
+    ratio = _against_lstm(tables)[["dtrnn", "ctrnn", "gru"]]
+    near = (ratio >= SAME_SIZE[0]) & (ratio <= SAME_SIZE[1])
+    told = ", ".join(
+        f"{net.upper()} {ratio[net].min():.2f} to {ratio[net].max():.2f}" for net in ratio
+    )
+    return Finding(
+        Verdict.REPRODUCED if near[["dtrnn", "ctrnn"]].all(axis=None) else Verdict.REFUTED,
+        f"Learned parameters over those of the LSTM, by task: {told}.",
+    )
+
+
+def reservoir_as_large_as_lstm(tables: Tables) -> Finding:
+    """Learned parameters of the ESN over those of the LSTM."""
+    ratio = _against_lstm(tables)["esn"].dropna()
+    near = ratio.between(*SAME_SIZE)
+    told = ", ".join(f"{task} {value:.1f}" for task, value in ratio.items())
+    return Finding(
+        Verdict.REPRODUCED if near.all() else Verdict.REFUTED,
+        f"Learned parameters over those of the LSTM: {told}. The formula counts the weights of a "
+        "GRU and gives the reservoir that many units, each of which has a weight to every action.",
+    )
+
+
+def ant_reservoir(tables: Tables) -> Finding:
+    """Units of the Ant's reservoir by the formula of section 5.4."""
+    table = tables["section-5.4-sizes"].set_index(["task", "net"])
+    units = int(table.loc[("Ant", "esn"), "units"])
+    return Finding(
+        Verdict.REPRODUCED if units == 3328 else Verdict.REFUTED,
+        f"The formula of section 5.4 gives {units} for 125 observations and 8 actions; 3328 would "
+        "need 128 observations.",
+    )
+
+
+def largest_vanilla(tables: Tables) -> Finding:
+    """Units of the largest DTRNN."""
+    table = tables["section-5.4-sizes"]
+    units = table[table.net == "dtrnn"].groupby("task").units.max()
+    return Finding(
+        Verdict.REPRODUCED if units.max() == 24 else Verdict.REFUTED,
+        f"The largest, that of the {units.idxmax()}, has {units.max()} hidden units.",
+    )
+
+
 CLAIMS: tuple[Claim, ...] = (
     Claim(
         "5.1-observation-sizes",
@@ -327,6 +535,102 @@ CLAIMS: tuple[Claim, ...] = (
         ("noise-5.1",),
         "More than half of its entries are exactly 0 under both controllers.",
         contacts_are_sparse,
+    ),
+    Claim(
+        "5.2.2-euler-is-dtrnn",
+        "5.2.2",
+        "A CTRNN stepped by Euler's method with its time constant as the step is the DTRNN.",
+        ("section-5.2-identities",),
+        "No unit differs by more than rounding in any step of random runs.",
+        euler_is_discrete,
+    ),
+    Claim(
+        "5.2.2-gradient",
+        "5.2.2",
+        "The gradient of an Euler or midpoint approximation is the same as integrating the "
+        "differential equations of the gradient numerically.",
+        ("section-5.2.2-gradients",),
+        "For Euler and the author's midpoint (Heun) the two agree to a relative 1e-9 at all steps, "
+        "the adjoint equations being integrated by the same method at the same states.",
+        gradient_of_the_integrator,
+    ),
+    Claim(
+        "5.2.2-instability",
+        "5.2.2",
+        "A time constant smaller than the step leads to instability.",
+        ("section-5.2.2-stability",),
+        "Most untrained networks have a mode that should decay and grows at every time constant "
+        "below the step, and most have none at the step and above.",
+        short_time_constants,
+    ),
+    Claim(
+        "5.2.3-lstm-keeps",
+        "5.2.3",
+        "An LSTM can hold on to a feature of the state for arbitrarily long times.",
+        ("section-5.2.3-memory",),
+        "There is one of which at least 99% of an impulse is left after 2000 steps.",
+        keeps_for_long,
+    ),
+    Claim(
+        "5.2.5-small-radius",
+        "5.2.5",
+        "With a spectral radius below 1 the past is forgotten quickly.",
+        ("section-5.2.5-radius",),
+        "The largest Lyapunov exponent is negative in every run with a radius below 1.",
+        small_radius_forgets,
+    ),
+    Claim(
+        "5.2.5-large-radius",
+        "5.2.5",
+        "With a spectral radius above 1 differences are magnified, possibly into chaos.",
+        ("section-5.2.5-radius",),
+        "Most runs with a radius above 1 have a positive Lyapunov exponent, without input and with "
+        "noise of standard deviation 1 on every input; direction only if in most of them "
+        "differences grow about rest.",
+        large_radius_magnifies,
+    ),
+    Claim(
+        "5.2-low-pass",
+        "5.5.2",
+        "The CTRNN is a more efficient low-pass filter than the other networks (here: before "
+        "training).",
+        ("section-5.2-gain",),
+        f"In every seed the gain above {FAST:g} Hz, over that below {SLOW:g} Hz, is lower for the "
+        "CTRNN with either initial time constant than for every other network.",
+        low_pass,
+    ),
+    Claim(
+        "5.4-vanilla-size",
+        "5.4",
+        "With three units for each action DTRNN and CTRNN have about as many parameters as the "
+        "LSTM.",
+        ("section-5.4-sizes",),
+        "On every task the ratio lies between 3/4 and 4/3.",
+        vanilla_as_large_as_lstm,
+    ),
+    Claim(
+        "5.4-esn-size",
+        "5.4",
+        "The size of the ESN is chosen for the same reason: as many free parameters as the LSTM.",
+        ("section-5.4-sizes",),
+        "On every task the ratio lies between 3/4 and 4/3.",
+        reservoir_as_large_as_lstm,
+    ),
+    Claim(
+        "5.4-ant-reservoir",
+        "5.5.1",
+        "The Ant's ESN has 3328 hidden units.",
+        ("section-5.4-sizes",),
+        "The formula of section 5.4 gives this number.",
+        ant_reservoir,
+    ),
+    Claim(
+        "5.4-largest-dtrnn",
+        "5.5.1",
+        "The largest DTRNN has 24 hidden units.",
+        ("section-5.4-sizes",),
+        "The rule of section 5.4 gives this number.",
+        largest_vanilla,
     ),
     Claim(
         "5.3-score-range",
@@ -477,6 +781,47 @@ def _swimmer_after_hills(tables: Tables) -> str:
         f"The printed swimmers trained on hills earn {at['regular'].min():.0f} to "
         f"{at['regular'].max():.0f} in this test and {at['switch'].min():.0f} to "
         f"{at['switch'].max():.0f} where hills come after the switch."
+    )
+
+
+def _heun(tables: Tables) -> str:
+    table = tables["section-5.2.2-integrators"]
+    error = table.groupby(["integrator", "ratio"]).error.mean().unstack()
+    small, large = error.columns.min(), error.columns.max()
+    return (
+        f"At a step of {small:g} time constants the errors are {error.loc['euler', small]:.1%} "
+        f"(Euler), {error.loc['heun', small]:.2%} (Heun) and {error.loc['midpoint', small]:.2%} "
+        f"(midpoint), at {large:g} they are {error.loc['euler', large]:.0%}, "
+        f"{error.loc['heun', large]:.0%} and {error.loc['midpoint', large]:.0%}."
+    )
+
+
+def _esn_leak(tables: Tables) -> str:
+    table = tables["section-5.2.5-radius"]
+    at = table[(table.spectral_radius == 1.1) & (table.noise == table.noise.max())]
+    mean = at.groupby("leak").exponent.mean()
+    return (
+        "The leak makes the reservoir a bank of low-pass filters of two steps. With noise on every "
+        f"input and a radius of 1.1 the largest exponent is {mean[0.5]:.3f} a step with the leak "
+        f"and {mean[1.0]:.3f} without."
+    )
+
+
+def _esn_start(tables: Tables) -> str:
+    table = tables["section-5.4-sizes"]
+    esn = table[(table.net == "esn") & table.thesis].set_index("task").units
+    return (
+        f"{esn.min()} to {esn.max()} more learned numbers in the author's code, for something that "
+        "a reservoir forgets; learning them needs backpropagation through the reservoir."
+    )
+
+
+def _previous_action(tables: Tables) -> str:
+    table = tables["section-5.4-sizes"]
+    own = table[(table.net == "dtrnn") & table.thesis].set_index("task")
+    share = own.actions * own.units / own.learned
+    return (
+        f"{share.min():.0%} to {share.max():.0%} of a DTRNN's parameters read the previous action."
     )
 
 
@@ -717,6 +1062,95 @@ DIFFERENCES: tuple[Difference, ...] = (
         "wrapper without a starting step.",
         "`WhiteNoise(sigma=1.0, onset=100)`",
         "One number means very different things to different sensors; the chapter measures it.",
+    ),
+    Difference(
+        "5.2-previous-action",
+        "5.2",
+        "The previous action as an input",
+        "Not stated.",
+        "Recurrent networks also see the action they took last, before clipping (the mean when "
+        "greedy), as all of the author's recurrent policies do by default; feedforward ones do "
+        "not.",
+        "`make_policy(..., previous_action=)`",
+        _previous_action,
+        ("section-5.4-sizes",),
+    ),
+    Difference(
+        "5.2-bias",
+        "5.2.1",
+        "Biases",
+        "None in equation 5.1; section 2.4 counts a constant 1 among the inputs.",
+        "Every affine map of an input has a bias that starts at 0, except the reservoir's, as in "
+        "the author's code.",
+        "`DTRNN(bias=)`",
+        "Without a bias a network of tanh units answers the negative input with the negative "
+        "action.",
+    ),
+    Difference(
+        "5.2-initial-state",
+        "5.2",
+        "The state before the first step",
+        "Not stated.",
+        "Learned for DTRNN and CTRNN, where it starts at 0; 0 for LSTM, GRU and ESN. The author's "
+        "code learns the ESN's as well.",
+        "`make_policy(..., trainable_initial_state=)`",
+        _esn_start,
+        ("section-5.4-sizes",),
+    ),
+    Difference(
+        "5.2.2-midpoint",
+        "5.2.2",
+        "The midpoint method",
+        "An Euler or midpoint approximation; results are those of the midpoint.",
+        "Heun's method by default, which is what the author's midpoint class computes: the mean of "
+        "two Euler slopes. The true midpoint and Euler are options.",
+        "`CTRNN(integrator='heun' | 'midpoint' | 'euler')`",
+        _heun,
+        ("section-5.2.2-integrators",),
+    ),
+    Difference(
+        "5.2.2-time-constants",
+        "5.2.2",
+        "Time constants at the start",
+        "Learned; where they start is not said.",
+        "1 s for every unit, the default of the author's code, in which learning them is off by "
+        "default. They are raised to the step whenever an update takes them below it; softplus and "
+        "exponential forms are options.",
+        "`CTRNN(time_constant=, constraint=, trainable_time_constant=)`",
+        "With 1 s a unit moves 0.5 to 2.5 per cent of its way in a control step: before training "
+        "the network is far slower than any gait.",
+    ),
+    Difference(
+        "5.2.3-candidate",
+        "5.2.3",
+        "Transfer function of the LSTM's cell",
+        "Logistic, as for the gates.",
+        "tanh, as in the author's code, with a constant 1 added in the forget gate and orthogonal "
+        "recurrent weights of gain 1.1.",
+        "`LSTM(candidate='tanh' | 'logistic', forget_bias=, initialisation=)`",
+        "A logistic candidate is never negative, so that a cell could only be filled by its input "
+        "and emptied by forgetting.",
+    ),
+    Difference(
+        "5.2.5-leak",
+        "5.2.5",
+        "The reservoir's leak",
+        "The same architecture as the vanilla network.",
+        "A leak of 0.5, as in the author's code: the new state is the mean of the old one and "
+        "tanh(...).",
+        "`ESN(leak=)`",
+        _esn_leak,
+        ("section-5.2.5-radius",),
+    ),
+    Difference(
+        "5.4-other-step-sizes",
+        "Table 5.1",
+        "Step sizes of FFWD, DFFWD and LSTM",
+        "Those of Duan et al., which are not printed.",
+        "0.05 on every task: the one value that Duan et al.'s group is known to have used on these "
+        "robots.",
+        "`TrainConfig(delta_kl=)`",
+        "Unknown: the thesis's values for the other networks range from 0.02 to 0.5.",
     ),
     Difference(
         "5.1-subsets",

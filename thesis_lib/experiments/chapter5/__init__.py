@@ -3,6 +3,20 @@
 from typing import Any
 
 from thesis_lib.experiments.base import Experiment
+from thesis_lib.experiments.chapter5.architectures import (
+    SECTION_5_2_2_INTEGRATORS,
+    SECTION_5_2_5_EIGENVALUES,
+    SECTION_5_2_GAIN,
+    SECTION_5_2_RESPONSES,
+)
+from thesis_lib.experiments.chapter5.live import SECTION_5_5_1_LIVE
+from thesis_lib.experiments.chapter5.memory import SECTION_5_2_3_MEMORY, SECTION_5_2_5_RADIUS
+from thesis_lib.experiments.chapter5.sizes import SECTION_5_4_SIZES
+from thesis_lib.experiments.chapter5.time_constants import (
+    SECTION_5_2_2_GRADIENTS,
+    SECTION_5_2_2_STABILITY,
+    SECTION_5_2_IDENTITIES,
+)
 from thesis_lib.experiments.chapter5.untrained import BASELINE, METRONOME, NOISE, RECOVERY
 from thesis_lib.experiments.chapter5.worlds import STARTS, TASKS, TERRAIN
 
@@ -12,6 +26,17 @@ EXPERIMENTS: tuple[Experiment[Any], ...] = (
     STARTS,
     BASELINE,
     RECOVERY,
+    SECTION_5_2_IDENTITIES,
+    SECTION_5_2_GAIN,
+    SECTION_5_2_RESPONSES,
+    SECTION_5_2_2_INTEGRATORS,
+    SECTION_5_2_2_GRADIENTS,
+    SECTION_5_2_2_STABILITY,
+    SECTION_5_2_3_MEMORY,
+    SECTION_5_2_5_EIGENVALUES,
+    SECTION_5_2_5_RADIUS,
+    SECTION_5_4_SIZES,
     NOISE,
     METRONOME,
+    SECTION_5_5_1_LIVE,
 )

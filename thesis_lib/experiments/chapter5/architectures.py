@@ -51,8 +51,8 @@ def untrained_net(name: str, task: str, seed: int) -> GaussianPolicy:
     )
 
 
-def _direction(size: int, seed: np.random.SeedSequence) -> FloatArray:
-    """A random unit vector."""
+def random_direction(size: int, seed: np.random.SeedSequence) -> FloatArray:
+    """A random unit vector, shape ``(size,)``."""
     draw = np.random.default_rng(seed).standard_normal(size)
     return np.asarray(draw / np.linalg.norm(draw))
 
@@ -113,7 +113,7 @@ def gains(config: GainConfig, context: Context) -> pd.DataFrame:
         name, seed = job
         policy = untrained_net(name, config.task, seed)
         along, noise = context.seeds(2, seed)
-        direction = _direction(policy.observation_size, along)
+        direction = random_direction(policy.observation_size, along)
         generator = np.random.default_rng(noise)
         table = gains_of(policy, dt, direction, generator, config)
         return table.assign(net=name, seed=seed)
@@ -186,7 +186,7 @@ def responses(config: ResponsesConfig, context: Context) -> pd.DataFrame:
     for name in NETS:
         for seed in range(config.seeds):
             policy = untrained_net(name, config.task, seed)
-            direction = _direction(policy.observation_size, context.seeds(1, seed)[0])
+            direction = random_direction(policy.observation_size, context.seeds(1, seed)[0])
             table = responses_of(policy, dt, direction, config)
             tables.append(table.assign(net=name, seed=seed))
     return pd.concat(tables, ignore_index=True)
