@@ -13,7 +13,9 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from thesis_lib.book.style import COLOURS, PRINTED
+from thesis_lib.experiments.chapter4.functions import SYMBOLS as FUNCTIONS
 from thesis_lib.experiments.chapter4.protocol import SYMBOLS
+from thesis_lib.experiments.chapter4.task_relevance import SYMBOLS as TABLES
 
 COLOUR = {
     "fs-tek": COLOURS[0],
@@ -383,3 +385,146 @@ def cost(table: pd.DataFrame) -> Figure:
     axes[0, 0].set_ylabel("seconds a feature")
     fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return fig
+
+
+def task_relevance(table: pd.DataFrame, tasks_seen: int) -> Figure:
+    """Learning curves of new tasks after some observed ones, one panel a domain."""
+    domains = list(dict.fromkeys(table.domain))
+    fig, axes = plt.subplots(1, len(domains), figsize=(7.2, 3.8), squeeze=False)
+    styles = ("-", "-", ":", "--", "-.")
+    for ax, domain in zip(axes[0], domains, strict=True):
+        at = table[(table.domain == domain) & (table.tasks_seen == tasks_seen)]
+        for i, (method, own) in enumerate(at.groupby("method", sort=False)):
+            colour = "#7f7f7f" if method == "full" else COLOURS[i]
+            name = TABLES.get(str(method), str(method))
+            ax.plot(own.step / 1000, own.reward, ls=styles[i], color=colour, lw=1.5, label=name)
+            ax.fill_between(
+                own.step / 1000,
+                own.reward - own.ci95,
+                own.reward + own.ci95,
+                color=colour,
+                alpha=0.15,
+                lw=0,
+            )
+        ax.set(xlabel="steps in the new task [1000]", title=f"{domain}, n = {tasks_seen}")
+    axes[0, 0].set_ylabel("reward a step")
+    fig.legend(
+        *axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8
+    )
+    return fig
+
+
+def function_law(table: pd.DataFrame, feature: str) -> Figure:
+    """k-relevance of networks over 1/k, and how far every function is from the law."""
+    fig, axes = plt.subplots(1, 2, figsize=(7.2, 3.6))
+    nets = table[table.function == "network"]
+    at = nets[(nets.feature == feature) & (nets.seed == nets.seed.min())]
+    exact = table[(table.function == "table") & (table.feature == feature)]
+    axes[0].plot(1 / exact.k, exact.value, "k--", lw=1, label="table, linear", zorder=4)
+    for i, (hidden, own) in enumerate(at.groupby("hidden")):
+        name = f"{hidden} hidden unit{'s' if hidden > 1 else ''}"
+        axes[0].plot(1 / own.k, own.value, "o", ms=5, color=COLOURS[i], label=name)
+        axes[0].plot(1 / own.k, own.fitted, "-", lw=1, color=COLOURS[i])
+    axes[0].set(xlabel="1/k", ylabel=f"k-relevance of {feature} [squared reward]", ylim=(0, None))
+    axes[0].legend(fontsize=8)
+    worst = table[table.function.isin(["table", "linear", "network"])]
+    worst = worst.groupby(["function", "hidden", "feature", "seed"]).misfit.max().reset_index()
+    groups = [("table", 0), ("linear", 0)] + [("network", h) for h in sorted(at.hidden.unique())]
+    markers = dict(zip(dict.fromkeys(worst.feature), "o^sD", strict=False))
+    for x, (function, hidden) in enumerate(groups):
+        for name, own in worst[(worst.function == function) & (worst.hidden == hidden)].groupby(
+            "feature"
+        ):
+            axes[1].semilogy(
+                np.full(len(own), x) + (0.12 if name == feature else -0.12),
+                own.misfit.clip(lower=1e-17),
+                markers[name],
+                ms=5,
+                color=COLOURS[list(markers).index(str(name))],
+                label=f"without {name}" if x == 0 else None,
+            )
+    labels = [f if not h else f"network,\n{h}" for f, h in groups]
+    axes[1].set_xticks(range(len(groups)), labels, fontsize=8)
+    axes[1].set(ylabel=r"largest misfit of $a + b/k$ / $\rho_1$")
+    axes[1].legend(fontsize=8)
+    return fig
+
+
+def function_roc(table: pd.DataFrame) -> Figure:
+    """ROC space of selectors that see different functions, one panel a domain."""
+    domains = list(dict.fromkeys(table.domain))
+    fig, axes = plt.subplots(
+        1, len(domains), figsize=(7.2, 3.4), sharex=True, sharey=True, squeeze=False
+    )
+    handles = {}
+    for ax, domain in zip(axes[0], domains, strict=True):
+        for i, method in enumerate(("table", "linear", "network", "linear, more pairs")):
+            own = table[(table.domain == domain) & (table.method == method)]
+            own = own.sort_values("tasks_seen")
+            (line,) = ax.plot(
+                own.fpr, own.tpr, marker="os^v"[i], ms=5, lw=0.8, color=COLOURS[i], alpha=0.85
+            )
+            handles[FUNCTIONS[method]] = line
+            for row in own.itertuples():
+                ax.annotate(
+                    str(row.tasks_seen),
+                    (row.fpr, row.tpr),
+                    xytext=(4 if i % 2 else -4, -9 if i < 2 else 4),
+                    textcoords="offset points",
+                    ha="left" if i % 2 else "right",
+                    fontsize=7,
+                    color=COLOURS[i],
+                )
+        ax.set(xlabel="false positive rate", xlim=(-0.06, 0.3), ylim=(-0.04, 1.08))
+        ax.set_title(domain, fontsize=9)
+        ax.xaxis.set_major_locator(MaxNLocator(3))
+    axes[0, 0].set_ylabel("true positive rate")
+    fig.legend(handles.values(), handles, loc="outside lower center", ncols=4, fontsize=8)
+    return fig
+
+
+def task_table(table: pd.DataFrame) -> pd.DataFrame:
+    """What the task-relevant table saves and costs, one row a domain and number of tasks."""
+    once = table.drop_duplicates(["domain", "tasks_seen", "method"])
+    once = once.set_index(["domain", "tasks_seen", "method"])
+    out = []
+    for domain, n in dict.fromkeys(zip(table.domain, table.tasks_seen, strict=True)):
+        own = once.loc[domain, n]
+        small = own.loc["table"]
+        out.append(
+            {
+                "domain": domain,
+                "n": n,
+                "entries": f"{small.pairs:.0f} of {own.pairs['full']:.0f}",
+                "faster by": _factor(small),
+                "with potential": _factor(own.loc["both"]),
+                "lacking": f"{small.hidden:.0%}",
+                "cost there": "–"
+                if np.isnan(small.hidden_gap)
+                else f"{small.hidden_gap:+.2f} ± {small.hidden_gap_ci95:.2f}",
+            }
+        )
+    return pd.DataFrame(out)
+
+
+def _factor(row: pd.Series) -> str:
+    return f"{row.factor:.1f} ({row.factor_low:.1f}–{row.factor_high:.1f})"
+
+
+def function_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Rates and time of every selector after the most tasks, and its gain after fewest and most."""
+    few, many = table.tasks_seen.min(), table.tasks_seen.max()
+    gain = table.gain.map("{:+.1f}".format) + " ± " + table.gain_ci95.map("{:.1f}".format)
+    told = table.assign(told=gain).set_index(["domain", "method", "tasks_seen"]).told
+    own = table[(table.tasks_seen == many) & (table.method != "none")]
+    at = list(zip(own.domain, own.method, strict=True))
+    return pd.DataFrame(
+        {
+            "domain": own.domain,
+            "selector": own.method.map(FUNCTIONS),
+            "FPR / TPR": own.fpr.map("{:.2f}".format) + " / " + own.tpr.map("{:.2f}".format),
+            f"gain, n = {few}": [told[domain, method, few] for domain, method in at],
+            f"gain, n = {many}": [told[domain, method, many] for domain, method in at],
+            "time [ms]": (1000 * own.cpu_seconds).map("{:.1f}".format),
+        }
+    )

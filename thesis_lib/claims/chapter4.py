@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from thesis_lib.claims import Claim, Difference, Finding, Tables, Verdict, chapter4_heat
+from thesis_lib.claims import (
+    Claim,
+    Difference,
+    Finding,
+    Tables,
+    Verdict,
+    chapter4_beyond,
+    chapter4_heat,
+)
 from thesis_lib.stats import Summary, holm, welch
 
 ALPHA = 0.05
@@ -646,6 +654,7 @@ def few_tasks_benefit(tables: Tables) -> Finding:
 
 
 CLAIMS: tuple[Claim, ...] = (
+    *chapter4_beyond.CLAIMS,
     Claim(
         "4.1-two-forms",
         "4.1",
@@ -958,6 +967,7 @@ CLAIMS: tuple[Claim, ...] = (
         "The threshold on the F-ratio is not monotone in the level.",
         alpha_trades_rates,
     ),
+    *chapter4_beyond.AFTER,
 )
 
 
@@ -1127,4 +1137,5 @@ DIFFERENCES: tuple[Difference, ...] = (
         "None on the claims, which are about few tasks.",
     ),
     *chapter4_heat.DIFFERENCES,
+    *chapter4_beyond.DIFFERENCES,
 )
