@@ -97,7 +97,7 @@ def potentials(
     gap = maps[0] - maps[1]
     limits = min(m.min() for m in maps), max(m.max() for m in maps)
     ranges = [limits, limits, (-np.abs(gap).max(), np.abs(gap).max())]
-    fig, axes = plt.subplots(1, 3, figsize=(7.2, 3.2), sharey=True)
+    fig, axes = plt.subplots(1, 3, figsize=(7.2, 3.6), sharey=True)
     for ax, values, (least, most), title in zip(
         axes, [*maps, gap], ranges, [*titles, "difference"], strict=True
     ):
@@ -108,7 +108,8 @@ def potentials(
         ax.set(title=title, xlabel="x", aspect="equal", xlim=(0, 10), ylim=(0, 10))
         ax.grid(False)
         if ax is not axes[0]:
-            fig.colorbar(shown, ax=ax, location="bottom", label="reward", shrink=0.9)
+            spread = axes[:2] if ax is axes[1] else [ax]
+            fig.colorbar(shown, ax=spread, location="bottom", label="potential [reward]", aspect=30)
     axes[0].set_ylabel("y")
     return fig
 

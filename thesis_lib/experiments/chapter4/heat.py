@@ -168,7 +168,7 @@ def _records(
     first, last = span
     total = runs.returns[..., first - 1 : last].sum(axis=-1)
     told = summarise(size, total, runs.support, runs.unsure, truth)
-    head = {
+    head: dict[str, float | str | int] = {
         "sensor": runs.sensor,
         "panel": panel,
         "first_episode": first,
