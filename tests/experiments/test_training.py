@@ -110,6 +110,8 @@ def test_a_loaded_run_is_the_run(tmp_path: Path) -> None:
         ("Swimmer", "esn", 0.02),
         ("walker", "ctrnn", 0.5),
         ("walker", "lstm", 0.05),  # "as Duan et al.": ours
+        ("swimmer", "dffwd", 0.1),  # stated in Duan et al.'s discussion of TRPO
+        ("swimmer", "ctrnn", 0.1),
         ("ant", "dffwd", 0.05),
         ("ant", "ffwd-400", 0.05),
     ],
@@ -220,6 +222,14 @@ def test_another_run_in_the_directory(tmp_path: Path) -> None:
         train(dataclasses.replace(config, architecture="gru"), tmp_path)
     with pytest.raises(ValueError, match="already holds a run"):
         train(config, tmp_path, resume=False)
+
+
+def test_another_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = TrainConfig(**{**SMALL, "iterations": 1, "architecture": "ffwd"})
+    train(config, tmp_path)
+    monkeypatch.setattr(training, "OUR_DELTA", 0.2)
+    with pytest.raises(ValueError, match=r"was trained with delta_kl 0\.05, not 0\.2"):
+        train(config, tmp_path)
 
 
 def test_another_version(tmp_path: Path) -> None:

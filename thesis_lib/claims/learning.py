@@ -216,8 +216,8 @@ DIFFERENCES = (
         "The network of Duan et al. (100, 50 and 25 units).",
         "tanh on all three layers, as in the code that Duan et al. published.",
         "`FeedforwardPolicy(activation=)`",
-        "Duan et al.'s text can be read as tanh on the first two layers only. A linear third layer "
-        "could do nothing that the linear output cannot do by itself.",
+        "Duan et al.'s text has tanh on the first two layers only. A linear third layer could do "
+        "nothing that the linear output cannot do by itself.",
     ),
     Difference(
         "5.4-esn-size",

@@ -398,7 +398,7 @@ def _record(config: TrainConfig, runs: Path | str) -> dict[str, Any] | None:
     if not file.exists():
         return None
     record: dict[str, Any] = json.loads(file.read_text())
-    return None if differences(record["config"], config) else record
+    return None if differences(record, config) else record
 
 
 def merged(configs: Sequence[TrainConfig], runs: Path | str) -> pd.DataFrame:
