@@ -30,7 +30,10 @@ def write(root: Path, name: str, *cells: str, prose: str = "# Title") -> None:
 
 @pytest.fixture
 def root(tmp_path: Path) -> Path:
-    """A checkout with a small package: ``one`` uses ``a`` and the data, ``two`` uses ``b``."""
+    """A checkout with a small package.
+
+    ``one`` uses ``a`` and the data, ``two`` uses ``b`` and the committed results.
+    """
     for name, text in {
         "_config.yml": "title: t\nexecute: {execute_notebooks: cache}\n",
         "_toc.yml": "format: jb-book\nroot: book/intro\n",
@@ -41,13 +44,16 @@ def root(tmp_path: Path) -> Path:
         "thesis_lib/b.py": "x = 1\n",
         "thesis_lib/published/__init__.py": "",
         "thesis_lib/published/t.csv": "x\n1\n",
+        "thesis_lib/experiments/__init__.py": "",
+        "thesis_lib/experiments/saved.py": "",
+        "results/learning/curves.csv": "x\n1\n",
     }.items():
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
     (tmp_path / "notebooks").mkdir()
     write(tmp_path, "one", "import thesis_lib.a, thesis_lib.published")
-    write(tmp_path, "two", "import thesis_lib.b")
+    write(tmp_path, "two", "import thesis_lib.b, thesis_lib.experiments.saved")
     return tmp_path
 
 
@@ -65,6 +71,7 @@ def changed(root: Path, before: dict[str, str], **options: Any) -> set[str]:
         ("thesis_lib/a.py", {"one"}),
         ("thesis_lib/b.py", {"two"}),
         ("thesis_lib/published/t.csv", {"one"}),
+        ("results/learning/curves.csv", {"two"}),
         ("thesis_lib/__init__.py", {"one", "two"}),
         ("constraints.txt", {"one", "two"}),
         ("book/intro.md", set()),

@@ -1,8 +1,8 @@
 """Running notebooks, and knowing when a run is still good.
 
 A run is good while its digest is: a hash of the notebook's code cells, the parameters it was
-given, the lock file, the Python version, and the modules and data of this package that its code
-depends on.  Prose is not part of it.
+given, the lock file, the Python version, the modules and data of this package that its code
+depends on, and the committed results it reads.  Prose is not part of it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from typing import Any
 import nbformat
 
 from thesis_lib.book.compiled import numba_cache
-from thesis_lib.book.imports import PACKAGE, closure, data_files
+from thesis_lib.book.imports import PACKAGE, closure, data_files, saved_results
 from thesis_lib.book.notebook import RESULTS_VARIABLE, check_parameters
 from thesis_lib.book.paths import Paths
 from thesis_lib.book.sources import code_cells, parameter_names, read
@@ -154,7 +154,8 @@ def digest(
 
     add(platform.python_version(), json.dumps(dict(parameters), sort_keys=True), *cells)
     add((root / "constraints.txt").read_bytes())
-    for file in [*modules.values(), *data_files(dict(modules))]:
+    found = dict(modules)
+    for file in [*modules.values(), *data_files(found), *saved_results(found, root)]:
         add(file.relative_to(root).as_posix(), file.read_bytes())
     return hashed.hexdigest()
 

@@ -15,6 +15,9 @@ from pathlib import Path
 
 PACKAGE = "thesis_lib"
 
+READER = "thesis_lib.experiments.saved"
+"""The module through which a notebook reads the committed results of long runs."""
+
 _ONE_AT_A_TIME = threading.Lock()
 """Up to Python 3.11.7 two threads that parse at once can end in a SystemError
 (python/cpython#106905), and notebooks are executed two at a time."""
@@ -116,3 +119,20 @@ def data_files(modules: dict[str, Path]) -> list[Path]:
         for file in folder.iterdir()
         if file.is_file() and file.suffix not in {".py", ".pyc", ".so"}
     )
+
+
+def saved_results(modules: dict[str, Path], root: Path) -> list[Path]:
+    """Committed results of long runs, if some modules read any.
+
+    A notebook that imports the reader depends on all of them, whichever it asks for.
+
+    Parameters
+    ----------
+    modules
+        From :func:`closure`.
+    root
+        The checkout, where ``results`` lies.
+    """
+    if READER not in modules:
+        return []
+    return sorted(file for file in (root / "results").rglob("*") if file.is_file())
