@@ -31,8 +31,10 @@ LEARNER = Learner("q_learning", 0.5, 0.01, episodes=3)
 
 
 @pytest.mark.parametrize("experiment", EXPERIMENTS, ids=lambda e: e.id)
-def test_smoke_budget_runs_and_is_the_same_for_any_number_of_workers(experiment):
-    one = experiment.run("smoke", seed=5, workers=1).table
+def test_smoke_budget_runs_and_is_the_same_for_any_number_of_workers(experiment, tmp_path):
+    result = experiment.run("smoke", seed=5, workers=1)
+    one = result.table
+    assert result.save(tmp_path).exists()
     two = experiment.run("smoke", seed=5, workers=2).table
     ours = [c for c in one.columns if c != "cpu_seconds"]
     assert one[ours].equals(two[ours])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -15,6 +15,7 @@ from thesis_lib.experiments.chapter3.common import Learner
 from thesis_lib.experiments.chapter4.families import meadow
 from thesis_lib.experiments.chapter4.worlds import World, world
 from thesis_lib.mdp.aggregated import learn_aggregated
+from thesis_lib.mdp.checks import one_of
 from thesis_lib.mdp.model import BoolArray, FloatArray, IntArray
 from thesis_lib.relevance import ACTION, ground
 from thesis_lib.selection import JackknifeF, NoSelection, TaskRelevance, task_explained
@@ -51,8 +52,13 @@ DOMAINS: Mapping[str, Setting] = {
         partial(stock, 1, 2, 3), Learner("q_learning", 0.2, 0.1, steps=6_000), "g1"
     ),
     "meadow": Setting(meadow, Learner("q_learning", 0.2, 0.1, steps=12_000), "x"),
+    "small stock": Setting(
+        partial(stock, 1, 2, 1), Learner("q_learning", 0.2, 0.1, steps=100), "g1"
+    ),
+    "small meadow": Setting(partial(meadow, 2, 2), Learner("q_learning", 0.2, 0.1, steps=100), "x"),
 }
-"""Stock trading, where ownership is task irrelevant, and a gridworld under weather that is."""
+"""Stock trading, where ownership is task irrelevant, and a gridworld under weather that is; and
+small ones of each, for trials."""
 
 
 @dataclass(frozen=True)
@@ -74,13 +80,13 @@ class TaskRelevanceConfig:
     """Largest task relevance that counts as none, as a share of the variance of Q."""
     resamples: int = 500
     """Bootstrap resamples of runs."""
-    settings: Mapping[str, Setting] = field(default_factory=lambda: dict(DOMAINS))
-    """Domains by name."""
+    domains: tuple[str, ...] = ("stock G=3", "meadow")
+    """Names out of :data:`DOMAINS`."""
 
 
 def run_task_relevance(config: TaskRelevanceConfig, context: Context) -> pd.DataFrame:
     """Compare the representations; columns are documented in :data:`TASK_RELEVANCE`."""
-    tables = [_one_domain(config, context, i, name) for i, name in enumerate(config.settings)]
+    tables = [_one_domain(config, context, i, name) for i, name in enumerate(config.domains)]
     return pd.concat(tables, ignore_index=True)
 
 
@@ -107,7 +113,7 @@ def state_labels(found: World, kept: BoolArray, task: int) -> IntArray:
 
 
 def _one_domain(config: TaskRelevanceConfig, context: Context, key: int, name: str) -> pd.DataFrame:
-    setting = config.settings[name]
+    setting = DOMAINS[one_of("domain", name, tuple(DOMAINS))]
     learner = setting.learner
     steps = learner.steps or 0
     every = steps // config.windows
@@ -263,14 +269,7 @@ TASK_RELEVANCE: Experiment[TaskRelevanceConfig] = Experiment(
             tasks_seen=(1, 3),
             windows=5,
             resamples=5,
-            settings={
-                "stock G=3": Setting(
-                    partial(stock, 1, 2, 1), Learner("q_learning", 0.2, 0.1, steps=100), "g1"
-                ),
-                "meadow": Setting(
-                    partial(meadow, 2, 2), Learner("q_learning", 0.2, 0.1, steps=100), "x"
-                ),
-            },
+            domains=("small stock", "small meadow"),
         ),
         "book": TaskRelevanceConfig(),
         "thesis": TaskRelevanceConfig(runs=500),
