@@ -69,8 +69,8 @@ def test_what_is_measured_is_told(tmp_path: Path) -> None:
     ).runs(base)
     for config in configs:
         train(config, tmp_path / "runs" / run_name(config))
-    write(configs, tmp_path / "runs", tmp_path / "gru", command="")
-    row = pd.read_csv(tmp_path / "gru" / "variants.csv").iloc[0]
+    write(configs, tmp_path / "runs", tmp_path / "results" / "options" / "gru", command="")
+    row = pd.read_csv(tmp_path / "results" / "options" / "gru" / "variants.csv").iloc[0]
     told = measured("gru", "bootstrap=True", tmp_path).replace("−", "-")
     assert "`bootstrap=True` for the GRU on HalfCheetah" in told
     assert "over 2 iterations of 40 steps" in told

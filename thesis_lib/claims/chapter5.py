@@ -1069,8 +1069,8 @@ DIFFERENCES: tuple[Difference, ...] = (
         "The previous action as an input",
         "Not stated.",
         "Recurrent networks also see the action they took last, before clipping (the mean when "
-        "greedy), as all of the author's recurrent policies do by default; feedforward ones do "
-        "not.",
+        "greedy), as all of the author's recurrent policies do by default and Duan et al.'s did; "
+        "feedforward ones do not.",
         "`make_policy(..., previous_action=)`",
         _previous_action,
         ("section-5.4-sizes",),
@@ -1147,8 +1147,9 @@ DIFFERENCES: tuple[Difference, ...] = (
         "Table 5.1",
         "Step sizes of FFWD, DFFWD and LSTM",
         "Those of Duan et al., which are not printed.",
-        "0.05 on every task: the one value that Duan et al.'s group is known to have used on these "
-        "robots.",
+        "0.1 for the swimmer, which Duan et al. state for their feedforward network; 0.05 on the "
+        "other tasks, a value that scripts of their group use. Their supplement, which lists the "
+        "rest, was not at hand.",
         "`TrainConfig(delta_kl=)`",
         "Unknown: the thesis's values for the other networks range from 0.02 to 0.5.",
     ),

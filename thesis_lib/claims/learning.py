@@ -6,44 +6,38 @@ Duan et al. are known to have run.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 
-import pandas as pd
-
 from thesis_lib.claims import Claim, Difference, Tables
-from thesis_lib.experiments.base import repository_root
+from thesis_lib.experiments.saved import saved
+from thesis_lib.experiments.sweep import compared
 from thesis_lib.policies.factory import recurrent_units
 
 CLAIMS: tuple[Claim, ...] = ()
 
-OPTIONS = repository_root() / "results" / "options"
-"""Sweeps that compare options of learning with their defaults, a directory a network."""
 
-
-def measured(net: str, variant: str, options: Path = OPTIONS) -> str:
+def measured(net: str, variant: str, root: Path | None = None) -> str:
     """What an option changes in the mean return over the learning curve, as a sentence.
 
     Parameters
     ----------
     net
-        Name of the network.
+        Name of the network; its runs are the committed result ``options/NET/curves``.
     variant
         The option, such as ``bootstrap=True``.
-    options
-        Directory of the sweeps.
+    root
+        The checkout; default the one this library runs from.
     """
-    folder = options / net
-    if not (folder / "variants.csv").exists():
+    try:
+        result = saved(f"options/{net}/curves", root)
+    except FileNotFoundError:
         return "Not measured yet."
-    record = json.loads((folder / "curves.json").read_text())
-    table = pd.read_csv(folder / "variants.csv")
-    found = table[(table.architecture == net) & (table.changed == variant)]
+    table = compared(result.table, "variant")
+    found = table[table.changed == variant]
     if found.empty:
         return "Not measured yet."
-    row = found.iloc[0]
-    budget = record["config"]
+    row, budget = found.iloc[0], result.provenance["config"]
     return (
         f"Measured with `{variant}` for the {net.upper()} on {row.task}: over "
         f"{budget['iterations']} iterations of {budget['batch_steps']:,} steps the mean return is "
