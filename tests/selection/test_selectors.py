@@ -15,10 +15,14 @@ from thesis_lib.selection import (
     IBKR,
     ExactRelevance,
     FixedFeatures,
+    FunctionSelector,
     JackknifeF,
+    LinearF,
+    NetworkF,
     NoSelection,
     RandomSelection,
     Selector,
+    TaskRelevance,
     rates,
     triangle_alpha,
 )
@@ -31,6 +35,9 @@ SELECTORS = [
     RandomSelection(0.3, random_state=5),
     FixedFeatures(["f"]),
     NoSelection(),
+    TaskRelevance(0.01, "every", always=()),
+    LinearF(interactions="pairs"),
+    NetworkF(hidden=2, random_state=3),
 ]
 
 
@@ -82,7 +89,8 @@ def test_use_before_fit_and_wrong_tables_are_refused() -> None:
 
 @pytest.mark.parametrize("selector", SELECTORS, ids=name_of)
 def test_the_same_data_give_the_same_features(selector: Selector) -> None:
-    solutions = world(0, "weights", 7)
+    shared = isinstance(selector, FunctionSelector)
+    solutions = world(0, "shared" if shared else "weights", 7)
     if isinstance(selector, FixedFeatures):
         selector = FixedFeatures(["f1"])
     first = clone(selector).fit(solutions)
@@ -98,6 +106,24 @@ def test_the_order_of_tasks_does_not_matter_to_exact_methods() -> None:
         for selector in (FSTEK(alpha=1e-3), JackknifeF(), IBKR()):
             kept = selector.fit(solutions).removed_
             assert selector.fit(turned).removed_ == kept
+
+
+@pytest.mark.parametrize("kind", ["shared", "weights"])
+def test_names_of_values_and_the_origin_of_q_do_not_matter(kind: str) -> None:
+    selectors: list[Selector] = [FSTEK(alpha=1e-3), JackknifeF(), IBKR(), TaskRelevance(always=())]
+    if kind == "shared":
+        selectors.append(LinearF(interactions="pairs"))
+    for seed in range(30):
+        solutions = world(seed, kind, 6, sizes=(2, 3, 2))
+        moved = Solutions(
+            3 * solutions.q - 5,
+            solutions.p,
+            7 - 2 * solutions.features,
+            solutions.feature_names,
+        )
+        for selector in selectors:
+            kept = selector.fit(solutions).removed_
+            assert selector.fit(moved).removed_ == kept
 
 
 def test_fixed_and_no_selection() -> None:
