@@ -18,7 +18,7 @@ class LiveConfig:
     """Robot that learns."""
     architecture: str = "dtrnn"
     """Its network."""
-    iterations: int = 25
+    iterations: int = 60
     """Iterations of each run."""
     batch_steps: int = 10_000
     """Steps of an iteration."""
