@@ -227,7 +227,7 @@ SMALL = HeatConfig(
     followed_at=(3, 5),
 )
 
-BOOK = HeatConfig(protocol=Protocol(runs=40, tasks_seen=TASKS_SEEN))
+BOOK = HeatConfig(protocol=Protocol(runs=30, tasks_seen=TASKS_SEEN))
 
 HEAD = {
     "sensor": "sigma_sensor; sigma_slip is .1",
@@ -247,7 +247,7 @@ FIGURE_4_7: Experiment[HeatConfig] = Experiment(
         **COLUMNS,
         "mean_return": "mean total reward of these episodes of a test task, over runs",
     },
-    seconds={"smoke": 1, "book": 40, "thesis": 600},
+    seconds={"smoke": 1, "book": 60, "thesis": 1000},
 )
 
 FIGURE_4_8: Experiment[HeatConfig] = Experiment(
@@ -272,5 +272,5 @@ FIGURE_4_8: Experiment[HeatConfig] = Experiment(
         "unsure": COLUMNS["unsure"],
         "n_runs": COLUMNS["n_runs"],
     },
-    seconds={"smoke": 1, "book": 20, "thesis": 300},
+    seconds={"smoke": 1, "book": 26, "thesis": 430},
 )

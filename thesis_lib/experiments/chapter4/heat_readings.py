@@ -26,7 +26,7 @@ class HeatRelevanceConfig:
     """The domain, its learner and its features."""
     sensors: tuple[float, ...] = (0.01, 0.02, 0.04, 0.06)
     """Values of sigma_sensor."""
-    batches: int = 10
+    batches: int = 6
     """Independent batches of tasks, whose scatter gives the interval."""
     tasks: int = 60
     """Tasks in a batch."""
@@ -109,7 +109,7 @@ HEAT_RELEVANCE: Experiment[HeatRelevanceConfig] = Experiment(
         "share_ci95": "half-width of its 95% interval",
         "n_tasks": "tasks learned",
     },
-    seconds={"smoke": 1, "book": 25, "thesis": 100},
+    seconds={"smoke": 1, "book": 15, "thesis": 100},
 )
 
 READINGS: Mapping[str, Mapping[str, Any]] = {
@@ -135,17 +135,18 @@ READINGS: Mapping[str, Mapping[str, Any]] = {
 """Options by reading, one changed at a time."""
 
 
+READINGS_BASE = HeatConfig(
+    sensors=(0.02,),
+    protocol=Protocol(runs=12, tasks_seen=(5, 8), methods=("fs-tek", "none", "constant")),
+    followed=0,
+)
+
+
 @dataclass(frozen=True)
 class HeatReadingConfig:
     """Settings of the comparison of readings."""
 
-    base: HeatConfig = field(
-        default_factory=lambda: HeatConfig(
-            sensors=(0.02,),
-            protocol=Protocol(runs=20, tasks_seen=(5, 8), methods=("fs-tek", "none", "constant")),
-            followed=0,
-        )
-    )
+    base: HeatConfig = READINGS_BASE
     """What every reading starts from."""
     readings: tuple[str, ...] = tuple(READINGS)
     """Keys of :data:`READINGS`."""
@@ -218,7 +219,9 @@ HEAT_READINGS: Experiment[HeatReadingConfig] = Experiment(
             )
         ),
         "book": HeatReadingConfig(),
-        "thesis": HeatReadingConfig(),
+        "thesis": HeatReadingConfig(
+            base=replace(READINGS_BASE, protocol=replace(READINGS_BASE.protocol, runs=100))
+        ),
     },
     columns={
         "reading": "which option differs from the one used",
@@ -233,5 +236,5 @@ HEAT_READINGS: Experiment[HeatReadingConfig] = Experiment(
         "tpr": "share of heat and action that FS-TEK keeps",
         "n_runs": "number of runs",
     },
-    seconds={"smoke": 1, "book": 60, "thesis": 60},
+    seconds={"smoke": 1, "book": 23, "thesis": 190},
 )
