@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, NullLocator
 
 from thesis_lib.book.style import COLOURS, PRINTED
 from thesis_lib.experiments.chapter4.functions import SYMBOLS as FUNCTIONS
@@ -365,26 +365,55 @@ def roc_of_domains(table: pd.DataFrame) -> Figure:
     return fig
 
 
-def cost(table: pd.DataFrame) -> Figure:
-    """Time of one round over all features: over pairs, tasks and sequences sampled."""
-    varied = list(dict.fromkeys(table.varied))
-    fig, axes = plt.subplots(1, len(varied), figsize=(7.2, 3.2), sharey=True, squeeze=False)
-    for ax, what in zip(axes[0], varied, strict=True):
+def cost(table: pd.DataFrame, scale: pd.DataFrame) -> Figure:
+    """Time of relevance over pairs, tasks, features and sequences, and of whole selections."""
+    fig, axes = plt.subplots(2, 3, figsize=(7.2, 5.0))
+    labels = {
+        "pairs": "pairs N",
+        "tasks": "tasks n",
+        "features": "features P",
+        "max_seqs": "max_seqs M",
+    }
+    for ax, (what, label) in zip(axes.flat, labels.items(), strict=False):
         own = table[table.varied == what]
+        # The pairs double with every feature, so there the time is told for one.
+        share = own.features if what == "pairs" else 1
+        own = own.assign(seconds=own.cpu_seconds / share)
         for i, (method, curve) in enumerate(own.groupby("method")):
-            ax.loglog(
-                curve[what],
-                curve.cpu_seconds / curve.features,
-                "o-",
-                ms=4,
-                color=COLOURS[i],
-                label=method,
-            )
-        ax.set_xlabel({"pairs": "pairs N", "tasks": "tasks n", "max_seqs": "max_seqs"}[what])
+            ax.loglog(curve[what], curve.seconds, "o-", ms=4, color=COLOURS[i], label=str(method))
+        _linear(ax, own[own.method == "algorithm 8"], what)
+        if what in ("tasks", "features"):
+            ax.set_xticks(sorted(own[what].unique()), sorted(own[what].unique()))
+            ax.xaxis.set_minor_locator(NullLocator())
+        ax.set_xlabel(label)
+        ax.set_ylabel("seconds a feature" if what == "pairs" else "seconds", fontsize=9)
+    ax = axes.flat[4]
+    for i, (method, curve) in enumerate(scale.groupby("method")):
+        ax.loglog(
+            curve.pairs,
+            curve.cpu_seconds,
+            "s-",
+            ms=4,
+            color=COLOURS[2 + i],
+            label=f"select: {SYMBOLS[str(method)]}",
+        )
+    _linear(ax, scale.assign(seconds=scale.cpu_seconds)[scale.method == "jackknife"], "pairs")
+    ax.set_xlabel(f"pairs N, {int(scale.tasks.max())} tasks")
+    ax.set_ylabel("seconds a selection", fontsize=9)
+    axes.flat[5].axis("off")
+    handles = {}
+    for ax in axes.flat[:5]:
+        handles.update(dict(zip(*ax.get_legend_handles_labels()[::-1], strict=True)))
         ax.tick_params(labelsize=8)
-    axes[0, 0].set_ylabel("seconds a feature")
-    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    axes.flat[5].legend(handles.values(), handles, loc="center", fontsize=8)
     return fig
+
+
+def _linear(ax: Axes, curve: pd.DataFrame, what: str) -> None:
+    """A line of slope 1 through the last point."""
+    last = curve.sort_values(what).iloc[-1]
+    x = curve[what].to_numpy(dtype=float)
+    ax.loglog(x, last.seconds * x / last[what], ":", color=PRINTED, lw=1, label="slope 1")
 
 
 def task_relevance(table: pd.DataFrame, tasks_seen: int) -> Figure:

@@ -4,7 +4,7 @@ from typing import Any
 
 from thesis_lib.experiments.base import Experiment
 from thesis_lib.experiments.chapter4.calibration import CALIBRATION, ROC
-from thesis_lib.experiments.chapter4.cost import COST
+from thesis_lib.experiments.chapter4.cost import COST, SCALE
 from thesis_lib.experiments.chapter4.curves import FIGURE_4_1, FIGURE_4_2
 from thesis_lib.experiments.chapter4.domains_compared import RELEVANCES
 from thesis_lib.experiments.chapter4.functions import FUNCTION_LAW, FUNCTION_SELECTION
@@ -41,6 +41,7 @@ EXPERIMENTS: tuple[Experiment[Any], ...] = (
     LEMMA_3,
     ESTIMATORS,
     COST,
+    SCALE,
     THRESHOLD,
     RELEVANCES,
     READINGS_COMPARED,
