@@ -322,10 +322,15 @@ def gain_table(table: pd.DataFrame) -> pd.DataFrame:
         stable = own.groupby("seed").small_signal_gain.apply(lambda g: g.notna().all())
         row: dict[str, object] = {"network": net}
         for name, share in zip(("about 2 Hz", "above 10 Hz", "noise / gait"), shares, strict=True):
-            row[name] = f"{share.mean():.2f} ({share.min():.2f}–{share.max():.2f})"
+            row[name] = f"{share.mean():.2f} ({_range(share.min(), share.max(), 2)})"
         row["stable at rest"] = f"{stable.sum()} of {len(stable)}"
         records.append(row)
     return pd.DataFrame(records)
+
+
+def _range(low: float, high: float, places: int) -> str:
+    """Two numbers with a dash that no line ends at."""
+    return f"{low:.{places}f}\N{WORD JOINER}–\N{WORD JOINER}{high:.{places}f}"
 
 
 def gain_shares(own: pd.DataFrame) -> tuple[pd.Series, pd.Series, pd.Series]:
@@ -436,7 +441,7 @@ def memory_table(table: pd.DataFrame) -> pd.DataFrame:
         records.append(
             {
                 "network": net,
-                "steps": f"{n.median():.0f} ({n.min():.0f}–{n.max():.0f})" if len(n) else "–",
+                "steps": f"{n.median():.0f} ({_range(n.min(), n.max(), 0)})" if len(n) else "–",
                 "seconds": f"{done.seconds.median():.2f}" if len(done) else "–",
                 "still felt": f"{never} of {len(own)}",
             }
