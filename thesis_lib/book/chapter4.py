@@ -117,6 +117,8 @@ def _areas(
     split("", 0.0, 0.0, 1.0, 1.0)
     ax.set(xlim=(0, 1), ylim=(1, 0), xticks=[], yticks=[], aspect="equal")
     ax.grid(False)
+    for side in ax.spines.values():
+        side.set_visible(True)
 
 
 def _matrices(ax: Axes, table: pd.DataFrame, sequences: Sequence[str], limit: float) -> None:
@@ -217,6 +219,7 @@ def roc(
     table: pd.DataFrame,
     methods: Iterable[str] = ("fs-tek", "ibkr", "jackknife"),
     printed: tuple[float, float] | None = None,
+    near: float = 0.06,
 ) -> None:
     """Points in ROC space, joined in the order of tasks seen, with the numbers beside them."""
     for method in methods:
@@ -230,15 +233,7 @@ def roc(
             color=COLOUR[method],
             label=SYMBOLS[method],
         )
-        for row in own.itertuples():
-            ax.annotate(
-                str(row.tasks_seen),
-                (row.fpr, row.tpr),
-                xytext=(2, 2),
-                textcoords="offset points",
-                fontsize=6,
-                color=COLOUR[method],
-            )
+        _number(ax, own, COLOUR[method], BELOW if method in ("ibkr", "jackknife") else ABOVE, near)
     if printed is not None:
         ax.plot(*printed, "D", color=PRINTED, ms=6, label="thesis, 5 tasks", ls="none")
     ax.set(
@@ -247,6 +242,30 @@ def roc(
         xlim=(-0.04, 1.06),
         ylim=(-0.04, 1.08),
     )
+
+
+ABOVE, BELOW = (1.0, 3.5), (1.0, -8.5)
+"""Where numbers stand beside a marker, in points."""
+
+
+def _number(
+    ax: Axes, own: pd.DataFrame, colour: str, offset: tuple[float, float], near: float
+) -> None:
+    """Write the tasks seen beside the points; runs of points in one place get one label."""
+    points = list(zip(own.fpr, own.tpr, own.tasks_seen, strict=True))
+    while points:
+        x, y, first = points[0]
+        same = [n for u, v, n in points if abs(u - x) < near and abs(v - y) < near]
+        # Points that follow one another only: a path that comes back is told again.
+        count = next(
+            (i for i, (*_, n) in enumerate(points) if i >= len(same) or n != same[i]), len(points)
+        )
+        last = points[count - 1][2]
+        text = str(first) if count == 1 else f"{first}–{last}"
+        ax.annotate(
+            text, (x, y), xytext=offset, textcoords="offset points", fontsize=6, color=colour
+        )
+        points = points[count:]
 
 
 def selection(
@@ -272,15 +291,15 @@ def figure_4_6(table: pd.DataFrame) -> Figure:
     fig, axes = plt.subplots(
         len(sizes), 2, figsize=(7.2, 0.8 + 1.9 * len(sizes)), sharex="col", squeeze=False
     )
-    for row, g in zip(axes, sizes, strict=True):
+    for i, (row, g) in enumerate(zip(axes, sizes, strict=True)):
         own = table[table.global_factors == g]
         returns(row[0], own)
-        roc(row[1], own)
+        roc(row[1], own, near=0.12)
         row[0].set_ylabel(f"return, G = {g}", fontsize=9)
         row[1].set_ylabel("TPR", fontsize=9)
         for ax in row:
             ax.tick_params(labelsize=8)
-            if row is not axes[-1]:
+            if i < len(sizes) - 1:
                 ax.set_xlabel("")
     fig.legend(
         *axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8
@@ -295,10 +314,11 @@ def calibration(table: pd.DataFrame, alpha: float) -> Figure:
     effect = at.effect.max()
     null = at[(at.feature == "irrelevant") & (at.effect == effect)]
     styles = {"t2": "-", "box": "--"}
-    for (law, shared, levels), own in null.groupby(["null", "shared", "levels"]):
+    for j, ((law, shared, levels), own) in enumerate(null.groupby(["null", "shared", "levels"])):
         i = 2 * int(levels == null.levels.max()) + int(shared)
         axes[0].errorbar(
-            own.tasks_seen,
+            # Beside one another, so that the intervals can be told apart.
+            own.tasks_seen + 0.12 * (j - 3.5),
             own.kept,
             yerr=[own.kept - own.low, own.high - own.kept],
             color=COLOURS[i],
@@ -348,7 +368,7 @@ def roc_of_domains(table: pd.DataFrame) -> Figure:
     methods = ("fs-tek", "fs-tek schedule", "ibkr", "jackknife")
     for ax, domain in zip(axes.flat, domains, strict=False):
         own = table[table.domain == domain]
-        roc(ax, own, methods)
+        roc(ax, own, methods, near=0.15)
         ax.set_title(domain + (" (new)" if own.new.any() else ""), fontsize=8)
         ax.tick_params(labelsize=7)
         ax.set_xlabel("")
@@ -515,10 +535,9 @@ def function_roc(table: pd.DataFrame) -> Figure:
 def task_table(table: pd.DataFrame) -> pd.DataFrame:
     """What the task-relevant table saves and costs, one row a domain and number of tasks."""
     once = table.drop_duplicates(["domain", "tasks_seen", "method"])
-    once = once.set_index(["domain", "tasks_seen", "method"])
     out = []
     for domain, n in dict.fromkeys(zip(table.domain, table.tasks_seen, strict=True)):
-        own = once.loc[domain, n]
+        own = once[(once.domain == domain) & (once.tasks_seen == n)].set_index("method")
         small = own.loc["table"]
         out.append(
             {
