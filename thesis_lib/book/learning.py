@@ -12,6 +12,7 @@ from thesis_lib.book.architectures import NETWORKS
 from thesis_lib.book.style import COLOURS, PRINTED
 from thesis_lib.experiments.training import OUR_DELTA, table_5_1
 from thesis_lib.locomotion.robots import ROBOTS
+from thesis_lib.stats import Summary, holm, mean_ci, welch
 
 STYLES: dict[str, tuple[str, str]] = {
     "dtrnn": (COLOURS[0], "-"),
@@ -85,65 +86,75 @@ def progress_table(curves: pd.DataFrame, last: int = 5) -> pd.DataFrame:
     Parameters
     ----------
     curves
-        See :func:`progress_figure`.
+        One run of each network on each task; see :func:`progress_figure`.
     last
         Batches at the end that are averaged.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The end is bold where the gain is significant: see :func:`improvement`.
     """
-    by = curves.sort_values("iteration").groupby(["architecture", "task"])
-    first = by.mean_return.first()
-    end = curves[curves.iteration > curves.iteration.max() - last]
-    final = end.groupby(["architecture", "task"]).mean_return.mean()
+    gained = improvement(curves, last)
     cells = [
-        f"{a:.1f} → {b:.1f}".replace("-", "−")
-        for a, b in zip(first, final[first.index], strict=True)
+        f"{r.first:.0f} → **{r.last:.0f}**" if r.learned else f"{r.first:.0f} → {r.last:.0f}"
+        for r in gained.itertuples()
     ]
-    wide = pd.Series(cells, index=first.index).unstack()
-    tasks = [task for task in ROBOTS if task in wide]
-    wide = wide.reindex(index=[n for n in NETWORKS if n in wide.index], columns=tasks)
-    return (
-        wide.rename(index=NETWORKS).rename_axis(None, axis=1).rename_axis("network").reset_index()
+    return _by_network(pd.Series(cells, index=gained.index).str.replace("-", "−"))
+
+
+def _by_network(cells: pd.Series) -> pd.DataFrame:
+    """A table of networks by tasks from cells indexed by task and architecture."""
+    wide = cells.unstack("task")
+    wide = wide.reindex(
+        index=[n for n in NETWORKS if n in wide.index], columns=[t for t in ROBOTS if t in wide]
     )
+    wide = wide.rename(index=NETWORKS).rename_axis(None, axis=1).rename_axis("network")
+    return wide.reset_index().fillna("–")
 
 
 def time_table(curves: pd.DataFrame) -> pd.DataFrame:
-    """Processor seconds of a whole run, sampling and updates, networks by tasks."""
-    spent = curves.sampling_seconds + curves.update_seconds
-    total = spent.groupby([curves.architecture, curves.task, curves.seed]).sum()
-    wide = total.groupby(level=[0, 1]).mean().unstack()
-    tasks = [task for task in ROBOTS if task in wide]
-    wide = wide.reindex(index=[n for n in NETWORKS if n in wide.index], columns=tasks)
-    shown = wide.map("{:.0f}".format)
-    return (
-        shown.rename(index=NETWORKS).rename_axis(None, axis=1).rename_axis("network").reset_index()
+    """Processor seconds of a run, sampling and updates together, networks by tasks."""
+    spent = (curves.sampling_seconds + curves.update_seconds).groupby(
+        [curves.task, curves.architecture, curves.seed]
     )
+    return _by_network(spent.sum().groupby(level=[0, 1]).mean().map("{:.0f}".format))
 
 
 def improvement(curves: pd.DataFrame, last: int = 5) -> pd.DataFrame:
     """Gain in return from the first batch to the last ones, and whether it could be chance.
 
+    Parameters
+    ----------
+    curves
+        One run of each network on each task, with ``mean_return``, ``std_return`` and
+        ``episodes`` of every batch.
+    last
+        Batches at the end that are taken together.
+
     Returns
     -------
     pandas.DataFrame
-        Indexed by ``task``, ``architecture``; columns ``first``, ``last``, ``p``: of a Welch
-        test of the episodes of the first batch against those of the last ones, from their
-        means and standard deviations.
+        Indexed by ``task``, ``architecture``; columns ``first``, ``last``, ``p`` (Welch test
+        of the episodes of the first batch against those of the last ones, Holm-corrected
+        over all runs) and ``learned`` (a gain with p < .05).
     """
     records = []
     for (task, net), own in curves.groupby(["task", "architecture"]):
         own = own.sort_values("iteration")
         start, end = own.iloc[0], own.iloc[-last:]
-        result = stats.ttest_ind_from_stats(
-            end.mean_return.mean(),
-            np.sqrt((end.std_return**2).mean()),
-            int(end.episodes.sum()),
-            start.mean_return,
-            start.std_return,
-            int(start.episodes),
-            equal_var=False,
-        )
-        records.append((task, net, start.mean_return, end.mean_return.mean(), result.pvalue))
-    columns = ["task", "architecture", "first", "last", "p"]
-    return pd.DataFrame(records, columns=columns).set_index(["task", "architecture"])
+        n = int(end.episodes.sum())
+        mean = float(np.average(end.mean_return, weights=end.episodes))
+        square = np.average(end.std_return**2 + end.mean_return**2, weights=end.episodes)
+        sd = float(np.sqrt((square - mean**2) * n / (n - 1)))
+        few = int(start.episodes)
+        before = Summary(start.mean_return, start.std_return * np.sqrt(few / (few - 1)), few)
+        result = welch(Summary(mean, sd, n), before)
+        records.append((task, net, start.mean_return, mean, result.p_value))
+    made = pd.DataFrame(records, columns=["task", "architecture", "first", "last", "p"])
+    made["p"] = holm(made.p)
+    made["learned"] = (made["last"] > made["first"]) & (made.p < 0.05)
+    return made.set_index(["task", "architecture"])
 
 
 def delta_table() -> pd.DataFrame:
@@ -156,3 +167,49 @@ def delta_table() -> pd.DataFrame:
             row[NETWORKS[net]] = f"**{OUR_DELTA:g}**" if printed is None else f"{printed:g}"
         records.append(row)
     return pd.DataFrame(records)
+
+
+def precision_figure(curves: pd.DataFrame) -> Figure:
+    """Mean learning curves with 95% bands by number type of the network."""
+    fig, ax = plt.subplots(figsize=(7.2, 3.3))
+    for (name, own), colour in zip(curves.groupby("precision"), COLOURS, strict=False):
+        by = own.groupby("iteration")
+        steps, mean = by.steps.mean() / 1000, by.mean_return.mean()
+        half = by.mean_return.sem() * stats.t.ppf(0.975, by.mean_return.count() - 1)
+        ax.plot(steps, mean, color=colour, label=str(name))
+        ax.fill_between(steps, mean - half, mean + half, color=colour, alpha=0.2, lw=0)
+    ax.set(xlabel="thousands of control steps", ylabel="mean return of an episode")
+    ax.legend()
+    return fig
+
+
+def precision_compared(curves: pd.DataFrame, margin: float = 0.1) -> dict[str, float]:
+    """Return averaged over all iterations, float32 against float64.
+
+    Parameters
+    ----------
+    curves
+        Several seeds of both number types.  Runs of one seed start from the same network and
+        draw the same random numbers, so that they are compared seed by seed.
+    margin
+        Share of the mean return of float64 by which the two may differ and count as equal.
+
+    Returns
+    -------
+    dict
+        ``n`` seeds, mean returns of ``float32`` and ``float64``, their mean ``difference`` with
+        the ``half_width`` of its 95% interval, ``p_equivalence`` (paired TOST) and ``margin``.
+    """
+    average = curves.groupby(["precision", "seed"]).mean_return.mean().unstack("precision")
+    gap = mean_ci(average.float32 - average.float64)
+    bound = margin * abs(float(average.float64.mean()))
+    scale = gap.half_width / float(stats.t.ppf(0.975, gap.n - 1))
+    return {
+        "n": gap.n,
+        "float32": float(average.float32.mean()),
+        "float64": float(average.float64.mean()),
+        "difference": gap.mean,
+        "half_width": gap.half_width,
+        "p_equivalence": float(stats.t.sf((bound - abs(gap.mean)) / scale, gap.n - 1)),
+        "margin": bound,
+    }

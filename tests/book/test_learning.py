@@ -1,0 +1,95 @@
+"""Tables and figures of the learning section, on curves made by hand."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from thesis_lib.book import learning
+
+
+def curves(gain: float = 50.0) -> pd.DataFrame:
+    """Two tasks, two networks: the DTRNN gains, the ESN does not."""
+    rows = []
+    for task in ("Swimmer", "Ant"):
+        for net, up in (("dtrnn", gain), ("esn", 0.0)):
+            for i in range(1, 11):
+                rows.append(
+                    {
+                        "task": task,
+                        "architecture": net,
+                        "seed": 0,
+                        "iteration": i,
+                        "steps": 1000 * i,
+                        "mean_return": -10 + up * (i - 1) / 9,
+                        "std_return": 5.0,
+                        "episodes": 20,
+                        "sampling_seconds": 1.0,
+                        "update_seconds": 0.5,
+                    }
+                )
+    return pd.DataFrame(rows)
+
+
+def test_gains_are_tested_and_corrected() -> None:
+    found = learning.improvement(curves(), last=1)
+    # Welch by SciPy from the same samples' summaries, times 4 (Holm: both gains are equal and
+    # smallest, so that one is multiplied by 4 and the other by at most that)
+    sd = 5.0 * np.sqrt(20 / 19)
+    p = stats.ttest_ind_from_stats(40, sd, 20, -10, sd, 20, equal_var=False).pvalue
+    gained = found.xs("dtrnn", level="architecture")
+    assert gained.p.max() == pytest.approx(4 * p, rel=1e-6)
+    assert gained.learned.all()
+    still = found.xs("esn", level="architecture")
+    assert not still.learned.any()
+    assert (still.p == 1).all()
+
+
+def test_episodes_of_the_last_batches_are_pooled() -> None:
+    table = curves()
+    table["episodes"] = np.where(table.iteration == 10, 60, 20)
+    found = learning.improvement(table, last=2)
+    expected = (20 * (-10 + 50 * 8 / 9) + 60 * 40) / 80
+    assert found.loc[("Ant", "dtrnn"), "last"] == pytest.approx(expected)
+
+
+def test_tables_have_the_order_of_the_page() -> None:
+    table = learning.progress_table(curves(), last=1).set_index("network")
+    assert list(table.columns) == ["Swimmer", "Ant"]
+    assert table.Ant["DTRNN"] == "−10 → **40**"
+    assert table.Ant["ESN"] == "−10 → −10"
+    assert learning.time_table(curves()).set_index("network").Ant["ESN"] == "15"
+
+
+def test_number_types_are_compared_seed_by_seed() -> None:
+    rows = [
+        (name, seed, i, 1000 * i, 100.0 * seed + shift)
+        for name, shift in (("float64", 0.0), ("float32", 1.0))
+        for seed in range(5)
+        for i in (1, 2)
+    ]
+    columns = ["precision", "seed", "iteration", "steps", "mean_return"]
+    table = pd.DataFrame(rows, columns=columns)
+    table.loc[(table.precision == "float32") & (table.seed == 4), "mean_return"] += 5
+    found = learning.precision_compared(table)
+    gaps = np.array([1, 1, 1, 1, 6])
+    assert found["difference"] == pytest.approx(2)
+    assert found["margin"] == pytest.approx(20)
+    # one-sided t test of the mean gap against the margin
+    p = stats.ttest_1samp(gaps, 20, alternative="less").pvalue
+    assert found["p_equivalence"] == pytest.approx(p)
+    plt.close(learning.precision_figure(table))
+
+
+def test_every_network_has_a_line_of_its_own() -> None:
+    assert len(set(learning.STYLES.values())) == len(learning.STYLES) == 9
+    figure = learning.progress_figure(curves())
+    assert [ax.get_title() for ax in figure.axes[:2]] == ["Swimmer", "Ant"]
+    plt.close(figure)
+
+
+def test_step_sizes_are_the_printed_ones() -> None:
+    table = learning.delta_table().set_index("task")
+    assert table.CTRNN["HalfCheetah"] == "0.5"
+    assert table.LSTM["Ant"] == "**0.05**"
