@@ -182,6 +182,18 @@ class TestProtocol:
         ]
         np.testing.assert_allclose(runs.returns[1, self.at("none"), 0, :2], np.mean(got, axis=0))
 
+    def test_observed_tasks_can_be_learned_with_the_potential_so_far(self):
+        tasks = SHORT.sample_tasks(3, np.random.default_rng(2))
+        shaped = heat.learn_in_turn(SHORT, tasks, np.random.default_rng(5), "shaped")
+        rng = np.random.default_rng(5)
+        one = SHORT.learn(tasks[0], rng)
+        two = SHORT.learn(tasks[1], rng, initial_weights=cross_task_weights([one], SHORT.coding))
+        start = cross_task_weights([one, two], SHORT.coding)
+        three = SHORT.learn(tasks[2], rng, initial_weights=start)
+        np.testing.assert_allclose(shaped[2].weights, three.weights)
+        with pytest.raises(ValueError, match="lessons is 'none'"):
+            heat.learn_in_turn(SHORT, tasks, rng, "none")
+
     def test_levels_of_noise_share_their_tasks(self):
         drawn = []
 

@@ -545,9 +545,9 @@ DIFFERENCES: tuple[Difference, ...] = (
         "Tasks are learned one after another, each with the potential built so far.",
         "Each observed task is learned from weights 0 for 500 episodes, so that what is selected "
         "from does not depend on what was selected before; every run learns its tasks afresh.",
-        "`HeatSpace.learn(task, rng, initial_weights=...)`",
-        "A solution learned with shaping would be nearer the end of learning where few visits "
-        "are, and would carry the potential of earlier tasks into later ones.",
+        '`HeatConfig(lessons="plain" | "shaped")`; shaped without selection',
+        lambda t: _told(t, "observed tasks shaped"),
+        EVIDENCE,
     ),
     Difference(
         "4.3-heat-episodes",

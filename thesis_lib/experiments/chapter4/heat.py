@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import Literal, get_args
 
 import numpy as np
 import pandas as pd
 
+from thesis_lib.domains.heat import HeatTask
+from thesis_lib.domains.heat_learning import HeatLearned
 from thesis_lib.experiments.base import Context, Experiment, rows
 from thesis_lib.experiments.chapter4.heat_worlds import HeatLearner, HeatSpace
 from thesis_lib.experiments.chapter4.protocol import (
@@ -17,11 +21,15 @@ from thesis_lib.experiments.chapter4.protocol import (
     selectors,
     summarise,
 )
+from thesis_lib.mdp.checks import one_of
 from thesis_lib.mdp.model import BoolArray, FloatArray, IntArray
 from thesis_lib.selection import rates
 
 RELEVANT = ("heat", "a")
 """What counts as domain relevant; see the experiment ``section-4.3-heat``."""
+
+Lessons = Literal["plain", "shaped"]
+"""Learn observed tasks from weights 0, or each from the potential of those before it."""
 
 TASKS_SEEN = (3, 4, 5, 6, 7, 8, 10, 12)
 
@@ -46,6 +54,8 @@ class HeatConfig:
     """Numbers of observed tasks of the right panel."""
     fstek: Level = "schedule"
     """Level of FS-TEK; not printed for this domain."""
+    lessons: Lessons = "plain"
+    """How the observed tasks are learned."""
     relevant: tuple[str, ...] = RELEVANT
     """Truth labels of ROC space, and what ``fixed`` keeps."""
 
@@ -76,7 +86,7 @@ class Runs:
 def measure_heat(config: HeatConfig, space: HeatSpace, context: Context, test: bool) -> Runs:
     """Run the protocol at one level of noise.
 
-    Every run learns its own observed tasks afresh, without a potential.  Within a run all
+    Every run learns its own observed tasks afresh.  Within a run all
     methods see the same tasks, test on the same tasks and draw the same random numbers.
 
     Parameters
@@ -97,7 +107,7 @@ def measure_heat(config: HeatConfig, space: HeatSpace, context: Context, test: b
     def one(seed: np.random.SeedSequence) -> tuple[FloatArray, BoolArray, IntArray]:
         rng, lessons, picks = (np.random.default_rng(s) for s in seed.spawn(3))
         observed = space.sample_tasks(max(grid), rng)
-        seen = space.solutions([space.learn(task, lessons) for task in observed])
+        seen = space.solutions(learn_in_turn(space, observed, lessons, config.lessons))
         available = selectors(config.fstek, "unsure", config.relevant, picks)
         shape = len(protocol.methods), len(grid)
         returns = np.full((*shape, length), np.nan)
@@ -134,6 +144,34 @@ def measure_heat(config: HeatConfig, space: HeatSpace, context: Context, test: b
     results = context.map(one, context.seeds(protocol.runs, 4, 20), label)
     returns, support, unsure = (np.stack(part) for part in zip(*results, strict=True))
     return Runs(space.world.sensor, returns, support, unsure)
+
+
+def learn_in_turn(
+    space: HeatSpace, tasks: Sequence[HeatTask], rng: np.random.Generator, lessons: Lessons
+) -> list[HeatLearned]:
+    """Learn the observed tasks, in their order.
+
+    Parameters
+    ----------
+    space
+        The domain and its learner.
+    tasks
+        The tasks.
+    rng
+        Goes on from task to task.
+    lessons
+        ``"shaped"`` starts each task from the potential, without selection, of the tasks
+        before it.
+    """
+    one_of("lessons", lessons, get_args(Lessons))
+    learned: list[HeatLearned] = []
+    for task in tasks:
+        start = None
+        if lessons == "shaped" and learned:
+            before = space.solutions(learned)
+            start = space.potential(before, np.ones(before.n_features, dtype=bool))
+        learned.append(space.learn(task, rng, initial_weights=start))
+    return learned
 
 
 def run_figure_4_7(config: HeatConfig, context: Context) -> pd.DataFrame:

@@ -129,6 +129,7 @@ READINGS: Mapping[str, Mapping[str, Any]] = {
     "sources off the walls": {"space": {"sources": "inside"}},
     "p(x|m) uniform": {"space": {"weighting": "uniform"}},
     "tiling may go": {"space": {"tilings": "feature"}},
+    "observed tasks shaped": {"config": {"lessons": "shaped"}},
     "level 1e-4": {"config": {"fstek": 1e-4}},
     "level 1e-3": {"config": {"fstek": 1e-3}},
 }
