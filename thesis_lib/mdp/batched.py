@@ -15,104 +15,140 @@ from thesis_lib.mdp.model import MDP, FloatArray, IntArray
 from thesis_lib.mdp.sampling import sampler
 
 
-def total_rewards(
-    tasks: Sequence[MDP],
-    method: Method,
-    *,
-    alpha: float,
-    epsilon: float,
-    rngs: Sequence[np.random.Generator | int],
-    function: ArrayLike,
-    index: Sequence[IntArray],
-    episodes: int | None = None,
-    steps: int | None = None,
-) -> FloatArray:
-    """Total reward of a learner on each of several tasks, as if :func:`learn` were called on each.
+class TaskBatch:
+    """Several tasks made ready to be learned together, as often as asked.
 
-    The numbers are those of :func:`~thesis_lib.mdp.learning.learn`, to the last bit: the same
-    compiled loop runs with the same random numbers.  What is saved is all that Python does
-    around it, and the interpreter's lock is free for the whole batch.
+    The numbers are those of :func:`~thesis_lib.mdp.learning.learn` called on each task, to
+    the last bit: the same compiled loop runs with the same random numbers.  What is saved is
+    all that Python does around it, and the interpreter's lock is free for the whole batch.
 
     Parameters
     ----------
     tasks
         T tasks with equal actions and discount.
+    index
+        For each task the row of the initial function of every state, shape ``(S_m,)``; -1
+        for states whose values start at 0.
     method
         The learning rule.
     alpha, epsilon
         Constant learning rate and probability of a random action.
-    rngs
-        Generator or seed of each task.
-    function
-        Initial Q-values on the pairs that the tasks share, shape ``(O, A)``.
-    index
-        For each task the row of ``function`` of every state, shape ``(S_m,)``; -1 for
-        states whose values start, and stay, at 0 until learned.
     episodes, steps
         The budget: exactly one of the two.
-
-    Returns
-    -------
-    FloatArray
-        Shape ``(T,)``.
 
     Raises
     ------
     ValueError
-        When lengths disagree, an argument is out of range or the function has no value at a
-        state.
+        When lengths disagree or an argument is out of range.
     """
-    one_of("method", method, METHODS)
-    if (episodes is None) == (steps is None):
-        given = "neither" if episodes is None else "both"
-        raise ValueError(f"{given} of episodes and steps given, but exactly one is the budget.")
-    if len(tasks) == 0 or len(rngs) != len(tasks) or len(index) != len(tasks):
-        raise ValueError(
-            f"there are {len(tasks)} tasks, {len(rngs)} generators and {len(index)} indices, but "
-            "one of each is needed for at least one task."
-        )
-    values = np.require(function, np.float64, ["C"])
-    samplers = [sampler(task) for task in tasks]
-    for m, (task, rows) in enumerate(zip(tasks, index, strict=True)):
-        if rows.shape != (task.n_states,) or values.ndim != 2 or values.shape[1] != task.n_actions:
+
+    def __init__(
+        self,
+        tasks: Sequence[MDP],
+        index: Sequence[IntArray],
+        method: Method,
+        *,
+        alpha: float,
+        epsilon: float,
+        episodes: int | None = None,
+        steps: int | None = None,
+    ) -> None:
+        one_of("method", method, METHODS)
+        if (episodes is None) == (steps is None):
+            given = "neither" if episodes is None else "both"
+            raise ValueError(f"{given} of episodes and steps given, but exactly one is the budget.")
+        if len(tasks) == 0 or len(index) != len(tasks):
             raise ValueError(
-                f"index {m} has shape {rows.shape} and function {values.shape}, but task {m} has "
-                f"{task.n_states} states and {task.n_actions} actions."
+                f"there are {len(tasks)} tasks and {len(index)} indices, but one index a task is "
+                "needed for at least one task."
             )
-    if not np.isfinite(values).all():
-        raise ValueError(
-            "function is not finite everywhere, but every pair needs an initial value; replace "
-            "missing ones, for instance by 0."
+        for m, (task, rows) in enumerate(zip(tasks, index, strict=True)):
+            if rows.shape != (task.n_states,) or rows.min() < -1:
+                raise ValueError(
+                    f"index {m} has shape {rows.shape} and smallest entry {rows.min()}, but one "
+                    f"row of at least -1 for each of {task.n_states} states is needed."
+                )
+        unit, length = "step", 0
+        if episodes is not None:
+            unit, length = "episode", positive_integer("episodes", episodes)
+            endless = [m for m, task in enumerate(tasks) if not task.terminal.any()]
+            if endless:
+                raise ValueError(
+                    f"task {endless[0]} has no terminal state; give steps, not episodes."
+                )
+        elif steps is not None:
+            length = positive_integer("steps", steps)
+        samplers = [sampler(task) for task in tasks]
+        self.n_tasks = len(tasks)
+        self._shape = max(int(rows.max()) for rows in index) + 1, tasks[0].n_actions
+        self._tasks = (
+            tuple(s.successor for s in samplers),
+            tuple(s.cumulative for s in samplers),
+            tuple(s.reward for s in samplers),
+            tuple(s.terminal for s in samplers),
+            tuple(s.start for s in samplers),
+            tuple(s.start_cumulative for s in samplers),
+            tuple(np.require(rows, np.int64, ["C", "W"]) for rows in index),
+            np.array([task.discount for task in tasks]),
+            np.array([_reward_scale(t, s.reward) for t, s in zip(tasks, samplers, strict=True)]),
         )
-    unit, length = "step", 0
-    if episodes is not None:
-        unit, length = "episode", positive_integer("episodes", episodes)
-        endless = [m for m, task in enumerate(tasks) if not task.terminal.any()]
-        if endless:
-            raise ValueError(f"task {endless[0]} has no terminal state; give steps, not episodes.")
-    elif steps is not None:
-        length = positive_integer("steps", steps)
-    totals = np.empty(len(tasks))
-    _run_all(
-        METHODS.index(method),
-        tuple(s.successor for s in samplers),
-        tuple(s.cumulative for s in samplers),
-        tuple(s.reward for s in samplers),
-        tuple(s.terminal for s in samplers),
-        tuple(s.start for s in samplers),
-        tuple(s.start_cumulative for s in samplers),
-        tuple(np.require(rows, np.int64, ["C", "W"]) for rows in index),
-        np.array([task.discount for task in tasks]),
-        np.array([_reward_scale(task, s.reward) for task, s in zip(tasks, samplers, strict=True)]),
-        values,
-        schedule("alpha", alpha, length, unit, zero_allowed=False),
-        schedule("epsilon", epsilon, length, unit, zero_allowed=True),
-        length if unit == "episode" else -1,
-        length if unit == "step" else -1,
-        tuple(generator(rng) for rng in rngs),
-        totals,
-    )
-    return totals
+        self._rule = METHODS.index(method)
+        self._rates = (
+            schedule("alpha", alpha, length, unit, zero_allowed=False),
+            schedule("epsilon", epsilon, length, unit, zero_allowed=True),
+        )
+        self._budget = (length, -1) if unit == "episode" else (-1, length)
+
+    def total_rewards(
+        self, function: ArrayLike, rngs: Sequence[np.random.Generator | int]
+    ) -> FloatArray:
+        """Total reward on each task when it is learned from initial values.
+
+        Parameters
+        ----------
+        function
+            Initial Q-values on the pairs that the tasks share, shape ``(O, A)``.
+        rngs
+            Generator or seed of each task.
+
+        Returns
+        -------
+        FloatArray
+            Shape ``(T,)``.
+
+        Raises
+        ------
+        ValueError
+            When a shape is wrong or the function is not finite.
+        """
+        values = np.require(function, np.float64, ["C"])
+        least, n_actions = self._shape
+        if values.ndim != 2 or len(values) < least or values.shape[1] != n_actions:
+            raise ValueError(
+                f"function has shape {values.shape}, but at least {least} rows and {n_actions} "
+                "columns are needed: one value for each pair that the indices name."
+            )
+        if not np.isfinite(values).all():
+            raise ValueError(
+                "function is not finite everywhere, but every pair needs an initial value; "
+                "replace missing ones, for instance by 0."
+            )
+        if len(rngs) != self.n_tasks:
+            raise ValueError(
+                f"there are {self.n_tasks} tasks and {len(rngs)} generators, but one a task is "
+                "needed."
+            )
+        totals = np.empty(self.n_tasks)
+        _run_all(
+            self._rule,
+            *self._tasks,
+            values,
+            *self._rates,
+            *self._budget,
+            tuple(generator(rng) for rng in rngs),
+            totals,
+        )
+        return totals
 
 
 def _reward_scale(task: MDP, reward: FloatArray) -> float:

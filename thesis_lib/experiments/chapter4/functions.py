@@ -18,7 +18,7 @@ from thesis_lib.experiments.chapter3.common import Learner
 from thesis_lib.experiments.chapter3.settings import SETTINGS
 from thesis_lib.experiments.chapter4.curves import exact_solutions
 from thesis_lib.experiments.chapter4.families import random_domain
-from thesis_lib.experiments.chapter4.protocol import Streams, mean_return
+from thesis_lib.experiments.chapter4.protocol import Trial
 from thesis_lib.experiments.chapter4.wide import WideMarket
 from thesis_lib.experiments.chapter4.worlds import World, world
 from thesis_lib.mdp.model import BoolArray, FloatArray
@@ -311,10 +311,10 @@ def _tabular_run(
         seed_of_nets = int(rng.integers(2**31))
         _select(run, j, found.solutions.take(seen[:n]), relevant, METHODS, seed_of_nets)
         tests = found.domain.sample(config.tests, rng)
-        streams = Streams(rng.integers(2**63, size=config.tests))
+        trial = Trial(found, config.learner, tests, rng.integers(2**63, size=config.tests))
         for i in range(len(ALL)):
             phi = found.potential(seen[:n], run.support[j, i])
-            run.returns[j, i] = mean_return(found, config.learner, phi, tests, streams)
+            run.returns[j, i] = trial.mean_return(phi)
     return run
 
 

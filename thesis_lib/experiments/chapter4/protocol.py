@@ -12,7 +12,7 @@ import pandas as pd
 from thesis_lib.experiments.base import Context, rows
 from thesis_lib.experiments.chapter3.common import Learner
 from thesis_lib.experiments.chapter4.worlds import World
-from thesis_lib.mdp.batched import total_rewards
+from thesis_lib.mdp.batched import TaskBatch
 from thesis_lib.mdp.model import BoolArray, FloatArray, IntArray
 from thesis_lib.selection import (
     FSTEK,
@@ -144,7 +144,7 @@ def measure(
         for j, n in enumerate(grid):
             solutions = world.solutions.take(seen[:n])
             tests = world.domain.sample(protocol.tests, rng)
-            streams = Streams(rng.integers(2**63, size=protocol.tests))
+            trial = Trial(world, learner, tests, rng.integers(2**63, size=protocol.tests))
             known: dict[bytes, float] = {}
             for i, method in enumerate(protocol.methods):
                 selector = available[method]
@@ -156,7 +156,7 @@ def measure(
                 code = kept.tobytes()
                 if code not in known:
                     phi = world.potential(seen[:n], kept, protocol.unseen)
-                    known[code] = mean_return(world, learner, phi, tests, streams)
+                    known[code] = trial.mean_return(phi)
                 returns[i, j] = known[code]
         return returns, support, unsure
 
@@ -212,56 +212,46 @@ def summarise(
     return records
 
 
-def mean_return(
-    world: World, learner: Learner, phi: FloatArray, tests: IntArray, streams: Streams
-) -> float:
-    """Mean total reward of the test tasks when they are learned from a potential.
+class Trial:
+    """Tasks to be learned from one potential after another, with the same random numbers.
 
     Parameters
     ----------
     world
         The domain.
     learner
-        How they are learned.
-    phi
-        The potential, shape ``(O, A)``.
-    tests
-        Tasks.
-    streams
-        Their random numbers.
-    """
-    rewards = total_rewards(
-        [world.domain.tasks[m] for m in tests],
-        learner.method,
-        alpha=learner.alpha,
-        epsilon=learner.epsilon,
-        episodes=learner.episodes,
-        steps=learner.steps,
-        function=phi,
-        index=[world.rows(int(m)) for m in tests],
-        rngs=streams.rewound(),
-    )
-    return sum(rewards.tolist()) / len(tests)
-
-
-class Streams:
-    """Generators of the test tasks, set back to their start for every method.
-
-    Parameters
-    ----------
+        How tasks are learned.
+    tasks
+        Their indices.
     seeds
         One a task.
     """
 
-    def __init__(self, seeds: IntArray) -> None:
+    def __init__(self, world: World, learner: Learner, tasks: IntArray, seeds: IntArray) -> None:
+        self._batch = TaskBatch(
+            [world.domain.tasks[m] for m in tasks],
+            [world.rows(int(m)) for m in tasks],
+            learner.method,
+            alpha=learner.alpha,
+            epsilon=learner.epsilon,
+            episodes=learner.episodes,
+            steps=learner.steps,
+        )
         self._rngs = [np.random.default_rng(int(seed)) for seed in seeds]
         self._starts = [rng.bit_generator.state for rng in self._rngs]
 
-    def rewound(self) -> list[np.random.Generator]:
-        """The generators as they were made."""
+    def mean_return(self, phi: FloatArray) -> float:
+        """Mean total reward of the tasks.
+
+        Parameters
+        ----------
+        phi
+            The potential, shape ``(O, A)``.
+        """
         for rng, start in zip(self._rngs, self._starts, strict=True):
             rng.bit_generator.state = start
-        return self._rngs
+        rewards = self._batch.total_rewards(phi, self._rngs)
+        return sum(rewards.tolist()) / self._batch.n_tasks
 
 
 COLUMNS = {
