@@ -14,6 +14,7 @@ import multiprocessing
 import signal
 import sys
 import time
+import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
@@ -356,7 +357,8 @@ def _work(config: TrainConfig, folder: Path, channel: Connection) -> None:
         channel.send(str(error))
     except BrokenPipeError:
         sys.exit(1)
-    except Exception as error:
+    except Exception as error:  # a fault of ours: the sweep goes on, and the place is shown
+        traceback.print_exc()
         channel.send(f"{type(error).__name__}: {error}")
 
 
