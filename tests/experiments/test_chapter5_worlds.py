@@ -365,6 +365,6 @@ def test_a_robot_on_a_hill_keeps_its_clearance() -> None:
 def test_every_perturbation_is_in_the_table() -> None:
     table = show.perturbation_table()
     assert table.object.tolist() == [
-        *("WhiteNoise", "SensorSubset", "TerrainSwitch"),
+        *("WhiteNoise", "TerrainSwitch", "SensorSubset", "SensorFailure"),
         *("ActuatorFailure", "ActionDelay", "MassChange", "FrictionChange", "Push"),
     ]

@@ -279,15 +279,21 @@ def metronome_table(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(records)
 
 
+THESIS_PERTURBATIONS = ("WhiteNoise", "TerrainSwitch", "SensorSubset")
+"""Those of the thesis: its two tests, and the sensors it takes from some networks."""
+
+
 def perturbation_table() -> pd.DataFrame:
-    """Every perturbation with the first sentence of its description."""
+    """Every perturbation with the first sentence of its description, the thesis's first."""
     records = []
     for name, kind in vars(perturbations).items():
         if inspect.isclass(kind) and issubclass(kind, Base) and kind is not Base:
             first = inspect.getdoc(kind).split("\n\n")[0]  # type: ignore[union-attr]
             fields = ", ".join(f.name for f in dataclasses.fields(kind))  # type: ignore[arg-type]
             records.append({"object": name, "what it does": first, "settings": fields})
-    return pd.DataFrame(records)
+    ours = [r for r in records if r["object"] not in THESIS_PERTURBATIONS]
+    named = {r["object"]: r for r in records}
+    return pd.DataFrame([*(named[name] for name in THESIS_PERTURBATIONS), *ours])
 
 
 # ------------------------------------------------------------------------------------- noise
