@@ -28,6 +28,9 @@ COLOUR = {
     "none": "#7f7f7f",
     "constant": COLOURS[3],
 }
+PM = "\u00a0± "
+"""Between a number and its half-width: a narrow cell breaks after the sign, not before."""
+
 DASH = {"none": ":", "constant": "--", "fixed": "-.", "random": ":"}
 MARKER = {"fs-tek": "o", "ibkr": "s", "jackknife": "^", "fs-tek schedule": "v"}
 FEATURES = {
@@ -437,8 +440,8 @@ def _linear(ax: Axes, curve: pd.DataFrame, what: str) -> None:
 
 
 def task_relevance(table: pd.DataFrame, tasks_seen: int) -> Figure:
-    """Learning curves of new tasks after some observed ones, one panel a domain."""
-    domains = list(dict.fromkeys(table.domain))
+    """Learning curves of new tasks after some observed ones, for the first two domains."""
+    domains = list(dict.fromkeys(table.domain))[:2]
     fig, axes = plt.subplots(1, len(domains), figsize=(7.2, 3.8), squeeze=False)
     styles = ("-", "-", ":", "--", "-.")
     for ax, domain in zip(axes[0], domains, strict=True):
@@ -549,7 +552,7 @@ def task_table(table: pd.DataFrame) -> pd.DataFrame:
                 "lacking": f"{small.hidden:.0%}",
                 "cost there": "–"
                 if np.isnan(small.hidden_gap)
-                else f"{small.hidden_gap:+.2f} ± {small.hidden_gap_ci95:.2f}",
+                else f"{small.hidden_gap:+.2f}{PM}{small.hidden_gap_ci95:.2f}",
             }
         )
     return pd.DataFrame(out)
@@ -562,7 +565,7 @@ def _factor(row: pd.Series) -> str:
 def function_table(table: pd.DataFrame) -> pd.DataFrame:
     """Rates and time of every selector after the most tasks, and its gain after fewest and most."""
     few, many = table.tasks_seen.min(), table.tasks_seen.max()
-    gain = table.gain.map("{:+.1f}".format) + " ± " + table.gain_ci95.map("{:.1f}".format)
+    gain = table.gain.map("{:+.1f}".format) + PM + table.gain_ci95.map("{:.1f}".format)
     told = table.assign(told=gain).set_index(["domain", "method", "tasks_seen"]).told
     own = table[(table.tasks_seen == many) & (table.method != "none")]
     at = list(zip(own.domain, own.method, strict=True))
@@ -570,7 +573,7 @@ def function_table(table: pd.DataFrame) -> pd.DataFrame:
         {
             "domain": own.domain,
             "selector": own.method.map(FUNCTIONS),
-            "FPR / TPR": own.fpr.map("{:.2f}".format) + " / " + own.tpr.map("{:.2f}".format),
+            "FPR/TPR": own.fpr.map("{:.2f}".format) + "/" + own.tpr.map("{:.2f}".format),
             f"gain, n = {few}": [told[domain, method, few] for domain, method in at],
             f"gain, n = {many}": [told[domain, method, many] for domain, method in at],
             "time [ms]": (1000 * own.cpu_seconds).map("{:.1f}".format),

@@ -185,7 +185,7 @@ def torus(size: int = 4, mud: float = 3.0) -> Domain:
     return Domain("torus", tuple(tasks))
 
 
-def meadow(size: int = 4, bits: int = 3, rare: float = 0.25, bog: float = 4.0) -> Domain:
+def meadow(size: int = 4, bits: int = 3, rare: float = 0.25, bog: float = 10.0) -> Domain:
     """A walled gridworld under changing weather, most of which does not matter.
 
     Features: ``x``, ``y`` position, and ``w1`` ... weather bits, each a fair coin at every
