@@ -9,7 +9,8 @@ for an update, one thread each.
 - LSTM: our TRPO against ``sb3_contrib.RecurrentPPO``: samples a second.
 
 The peer keeps its own settings wherever the comparison does not need ours (value network, GAE,
-damping, learning rates); the step size and the batch are ours.
+damping, learning rates); the step size and the batch are ours.  For the curves ours takes the
+peer's lambda, damping and initial weights; its baseline stays linear.
 
     pip install sb3-contrib==2.9.2
     python benchmarks/sb3_learners.py [--json] [--tasks Hopper HalfCheetah]
@@ -42,6 +43,16 @@ from thesis_lib.stats import welch
 SIDES = ("ours", "peer")
 ENVIRONMENTS = 16
 DELTA = 0.05
+LIKE_THE_PEER = {
+    "trace": 0.95,
+    "bootstrap": True,
+    "damping": 0.1,
+    "cg_iterations": 15,
+    "initialisation": "orthogonal",
+    "head_scale": 0.01,
+}
+"""The peer's defaults, in the comparison of curves; the thesis's are measured beside them in
+``results/options/dffwd``.  What remains different is the baseline: ours is linear."""
 TANH = {"activation_fn": torch.nn.Tanh}
 
 
@@ -152,6 +163,7 @@ def learn(side: str, task: str, seed: int, batch: int, steps: int) -> np.ndarray
             delta_kl=DELTA,
             batch_steps=batch,
             iterations=steps // batch,
+            **LIKE_THE_PEER,
         )
         return train(config).curve.mean_return.to_numpy()
     callback = Returns()

@@ -33,6 +33,43 @@ def test_the_seed_decides_and_nothing_global_does(architecture: str) -> None:
 
 
 @pytest.mark.parametrize("architecture", ARCHITECTURES)
+def test_the_scale_of_the_head_is_that_of_the_mean(architecture: str) -> None:
+    whole = make_policy(architecture, 4, 2, dt=0.1, dtype=torch.float64)
+    tenth = make_policy(architecture, 4, 2, dt=0.1, head_scale=0.1, dtype=torch.float64)
+    draw = torch.Generator().manual_seed(0)
+    observations = torch.randn((3, 2, 4), generator=draw, dtype=torch.float64)
+    actions = torch.randn((3, 2, 2), generator=draw, dtype=torch.float64)
+    # initial biases of the head are 0, so that the mean is linear in its weights
+    torch.testing.assert_close(
+        tenth(observations, actions)[0], 0.1 * whole(observations, actions)[0]
+    )
+
+
+def test_orthogonal_weights_keep_lengths_up_to_the_gain() -> None:
+    net = make_policy("dffwd", 20, 3, dt=0.1, initialisation="orthogonal", dtype=torch.float64)
+    hidden = [layer.weight.detach() for layer in net.layers]
+    assert [tuple(w.shape) for w in hidden] == [(100, 20), (50, 100), (25, 50)]
+    # gain sqrt(2): W^T W = 2 I on the shorter side, I for the head
+    torch.testing.assert_close(hidden[0].T @ hidden[0], 2 * torch.eye(20, dtype=torch.float64))
+    torch.testing.assert_close(hidden[1] @ hidden[1].T, 2 * torch.eye(50, dtype=torch.float64))
+    head = net.head.weight.detach()
+    torch.testing.assert_close(head @ head.T, torch.eye(3, dtype=torch.float64))
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"head_scale": -1.0}, "head_scale is -1.0"),
+        ({"head_scale": float("nan")}, "head_scale is nan"),
+        ({"initialisation": "zeros"}, "choose one of glorot, orthogonal"),
+    ],
+)
+def test_bad_initial_weights(options: dict, told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        make_policy("dffwd", 4, 2, dt=0.1, **options)
+
+
+@pytest.mark.parametrize("architecture", ARCHITECTURES)
 def test_features_are_chosen_in_order(architecture: str) -> None:
     seen = make_policy(architecture, 5, 2, dt=0.1, features=[4, 0, 2])
     alone = make_policy(architecture, 3, 2, dt=0.1)

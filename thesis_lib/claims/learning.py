@@ -214,6 +214,22 @@ DIFFERENCES = (
         "nothing that the linear output cannot do by itself.",
     ),
     Difference(
+        "5.4-initial-weights",
+        "5.4",
+        "Initial weights",
+        "Not stated.",
+        "Glorot-uniform ones for feedforward networks, the output layer's too, as in the author's "
+        "code. Orthogonal ones, and a smaller output layer for any network, are options.",
+        "`TrainConfig(initialisation='glorot' | 'orthogonal', head_scale=)`",
+        _with_measurement(
+            "An output layer of full size makes the first policies lean to some side in every "
+            "state, before anything is learned; a small one starts all of them from noise "
+            "around 0.",
+            "dffwd",
+            "head_scale=0.01",
+        ),
+    ),
+    Difference(
         "5.4-esn-size",
         "5.4",
         "Units of the ant's echo state network",

@@ -94,6 +94,7 @@ _NEEDS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "spectral_radius": ("architecture", ("esn",)),
     "density": ("architecture", ("esn",)),
     "leak": ("architecture", ("esn",)),
+    "initialisation": ("architecture", ("ffwd", "dffwd", "dffwd-softplus", "ffwd-400")),
     "learning_rate": ("algorithm", ("vpg", "ppo")),
     "delta_kl": ("algorithm", ("trpo", "natural")),
     "cg_iterations": ("algorithm", ("trpo", "natural")),
@@ -170,6 +171,10 @@ class TrainConfig:
     """Of the ESN."""
     initial_log_std: float = 0.0
     """Start of the log standard deviation of the actions."""
+    initialisation: str = "glorot"
+    """Law of a feedforward net's initial weights: glorot (the author's code) or orthogonal."""
+    head_scale: float = 1.0
+    """What the initial weights of the output layer are multiplied with."""
     worlds: int | None = None
     """Worlds simulated side by side; default one for each episode of a full batch."""
     precision: str = "float32"
@@ -289,6 +294,8 @@ def make_batch_task(config: TrainConfig) -> BatchTask:
 def make_run_policy(config: TrainConfig, task: BatchTask) -> GaussianPolicy:
     """The policy of a run before training."""
     options: dict[str, Any] = {"initial_log_std": config.initial_log_std}
+    if config.initialisation != "glorot":
+        options["initialisation"] = config.initialisation
     if config.previous_action is not None:
         options["previous_action"] = config.previous_action
     if config.architecture == "ctrnn":
@@ -318,6 +325,7 @@ def make_run_policy(config: TrainConfig, task: BatchTask) -> GaussianPolicy:
         seed=config.seed,
         units=config.units,
         features=features,
+        head_scale=config.head_scale,
         dtype=PRECISIONS[config.precision],
         **options,
     )

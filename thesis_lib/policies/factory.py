@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -93,6 +94,7 @@ def make_policy(
     seed: int = 0,
     units: int | None = None,
     features: Sequence[int] | None = None,
+    head_scale: float = 1.0,
     dtype: torch.dtype = torch.float32,
     **options: Any,
 ) -> GaussianPolicy:
@@ -113,6 +115,9 @@ def make_policy(
         :func:`recurrent_units`.
     features
         Indices of the observations the policy may see; default all.
+    head_scale
+        What the initial weights of the output layer are multiplied with.  Small ones let
+        every policy start from actions that are noise around 0, whatever it sees.
     dtype
         Number type of the network.
     **options
@@ -122,8 +127,10 @@ def make_policy(
     Raises
     ------
     ValueError
-        When the architecture or an option does not exist.
+        When the architecture or an option does not exist, or the scale is negative.
     """
+    if not (math.isfinite(head_scale) and head_scale >= 0):
+        raise ValueError(f"head_scale is {head_scale}, but it must be a number from 0 on.")
     if architecture not in ARCHITECTURES:
         raise ValueError(
             f"architecture {architecture!r} does not exist: choose one of "
@@ -149,4 +156,6 @@ def make_policy(
     except TypeError as error:
         raise ValueError(f"architecture {architecture!r} does not take this: {error}.") from error
     policy.architecture = architecture
+    with torch.no_grad():
+        policy.head.weight.mul_(head_scale)
     return policy

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 
@@ -22,6 +23,9 @@ Activation = Callable[[Tensor], Tensor]
 ACTIVATIONS: Mapping[str, Activation] = {"tanh": torch.tanh, "softplus": functional.softplus}
 """Transfer functions by name; tanh unless said otherwise (section 2.4)."""
 
+INITIALISATIONS = ("glorot", "orthogonal")
+"""Laws of the initial weights."""
+
 CHUNK = 2000
 """Rows worked on at a time, so that a chunk's layers stay in the processor's cache."""
 
@@ -39,8 +43,12 @@ class FeedforwardPolicy(GaussianPolicy):
         ``"tanh"`` or ``"softplus"``, :math:`\log(1 + e^x)`, on every hidden layer.
     bias
         Whether layers have a bias.
+    initialisation
+        ``"glorot"``, Glorot-uniform weights as in the author's code, or ``"orthogonal"``:
+        orthogonal ones with gain sqrt(2) in the hidden layers and 1 in the head, as many
+        libraries have it.
     seed
-        Weights are Glorot-uniform from this seed, biases 0.
+        Of the weights; biases are 0.
     dtype, options
         See :class:`~thesis_lib.policies.base.GaussianPolicy`; the floor under the
         standard deviation is 1e-6 as in the author's code.
@@ -56,6 +64,7 @@ class FeedforwardPolicy(GaussianPolicy):
         hidden: Sequence[int],
         activation: str = "tanh",
         bias: bool = True,
+        initialisation: str = "glorot",
         seed: int = 0,
         features: Sequence[int] | None = None,
         previous_action: bool = False,
@@ -66,6 +75,11 @@ class FeedforwardPolicy(GaussianPolicy):
         if activation not in ACTIVATIONS:
             raise ValueError(
                 f"activation {activation!r} does not exist: choose one of {', '.join(ACTIVATIONS)}."
+            )
+        if initialisation not in INITIALISATIONS:
+            raise ValueError(
+                f"initialisation {initialisation!r} does not exist: choose one of "
+                f"{', '.join(INITIALISATIONS)}."
             )
         for size in hidden:
             if size < 1:
@@ -91,7 +105,11 @@ class FeedforwardPolicy(GaussianPolicy):
             self.head = empty_linear(self.hidden_size, action_size, bias=False, dtype=dtype)
         generator = torch.Generator().manual_seed(seed)
         for layer in [*self.layers, self.head]:
-            glorot_(layer.weight, generator)
+            if initialisation == "glorot":
+                glorot_(layer.weight, generator)
+            else:
+                gain = 1.0 if layer is self.head else math.sqrt(2)
+                nn.init.orthogonal_(layer.weight, gain, generator)
 
     def initial_state(self, n: int) -> Tensor:
         """A feedforward net carries nothing: shape ``(n, 0)``."""
