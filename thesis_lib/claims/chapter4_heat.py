@@ -560,4 +560,14 @@ DIFFERENCES: tuple[Difference, ...] = (
         lambda t: overcome(t).evidence,
         ("figure-4.7",),
     ),
+    Difference(
+        "4.3-heat-tasks-seen",
+        "4.3",
+        "Numbers of observed tasks on the heat domain",
+        '"Lower k" and "higher k"; the ends of the figures are not in the text.',
+        "3 to 12.",
+        "`Protocol.tasks_seen`",
+        lambda t: on_a_par(t).evidence,
+        ("figure-4.7",),
+    ),
 )
