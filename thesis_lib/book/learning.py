@@ -96,9 +96,10 @@ def progress_table(curves: pd.DataFrame, last: int = 5) -> pd.DataFrame:
         The end is bold where the gain is significant: see :func:`improvement`.
     """
     gained = improvement(curves, last)
+    ends = gained[["first", "last"]].round() + 0.0  # no minus zero
     cells = [
-        f"{r.first:.0f} → **{r.last:.0f}**" if r.learned else f"{r.first:.0f} → {r.last:.0f}"
-        for r in gained.itertuples()
+        f"{first:.0f} → **{last:.0f}**" if learned else f"{first:.0f} → {last:.0f}"
+        for first, last, learned in zip(ends["first"], ends["last"], gained.learned, strict=True)
     ]
     return _by_network(pd.Series(cells, index=gained.index).str.replace("-", "−"))
 

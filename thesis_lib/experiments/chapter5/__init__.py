@@ -11,6 +11,10 @@ from thesis_lib.experiments.chapter5.architectures import (
 )
 from thesis_lib.experiments.chapter5.live import SECTION_5_5_1_LIVE
 from thesis_lib.experiments.chapter5.memory import SECTION_5_2_3_MEMORY, SECTION_5_2_5_RADIUS
+from thesis_lib.experiments.chapter5.saved_runs import (
+    SECTION_5_5_1_CURVES,
+    SECTION_5_5_1_PRECISION,
+)
 from thesis_lib.experiments.chapter5.sizes import SECTION_5_4_SIZES
 from thesis_lib.experiments.chapter5.time_constants import (
     SECTION_5_2_2_GRADIENTS,
@@ -39,4 +43,6 @@ EXPERIMENTS: tuple[Experiment[Any], ...] = (
     NOISE,
     METRONOME,
     SECTION_5_5_1_LIVE,
+    SECTION_5_5_1_CURVES,
+    SECTION_5_5_1_PRECISION,
 )
