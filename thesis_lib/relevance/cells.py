@@ -98,6 +98,15 @@ class FeatureCells(Cells):
         feature
             Index of a feature in ``features``.
         """
+        # Selectors on the same tasks ask for the same cells; small ones are kept.
+        if self.a.size > SMALL:
+            return self._drop(feature)
+        kept: dict[int, FeatureCells] = self.__dict__.setdefault("_dropped", {})
+        if feature not in kept:
+            kept[feature] = self._drop(feature)
+        return kept[feature]
+
+    def _drop(self, feature: int) -> FeatureCells:
         at = self.features.index(feature)
         low, size = prod(self.sizes[at + 1 :]), self.sizes[at]
         features = self.features[:at] + self.features[at + 1 :]
@@ -157,6 +166,16 @@ def ground(solutions: Solutions) -> FeatureCells:
     FeatureCells
         In the order of the feature values, which need not be that of the pairs.
     """
+    kept = solutions.__dict__.get("_ground")
+    if isinstance(kept, FeatureCells):
+        return kept
+    made = _ground(solutions)
+    if made.a.size <= SMALL:
+        solutions.__dict__["_ground"] = made
+    return made
+
+
+def _ground(solutions: Solutions) -> FeatureCells:
     a, b = solutions.moments
     code, sizes = solutions.radix
     if (code[1:] < code[:-1]).any():

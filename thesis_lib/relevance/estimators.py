@@ -292,6 +292,13 @@ def jackknife_parts(cells: Cells) -> tuple[float, float]:
     cells
         Sums over the cells of a partition, for n tasks, at least 2.
     """
+    kept = cells.__dict__.get("_jackknife")
+    if kept is None:
+        kept = cells.__dict__["_jackknife"] = _jackknife_parts(cells)
+    return kept
+
+
+def _jackknife_parts(cells: Cells) -> tuple[float, float]:
     n = cells.n_tasks
     if n < 2:
         raise ValueError(

@@ -102,7 +102,7 @@ class FSTEK(BackwardElimination):
     ----------
     alpha
         Level of the interval in (0, 1), or a function of the number of tasks, such as
-        :func:`~thesis_lib.selection.fitting.thesis_alpha`.
+        :func:`~thesis_lib.selection.fitting.triangle_alpha`.
     max_seqs
         Most combinations of tasks sampled for each k (algorithm 8); the text gives no
         number.  None, the default: all of them, by the exact formula.

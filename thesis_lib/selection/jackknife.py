@@ -72,7 +72,8 @@ class JackknifeF(BackwardElimination):
     ----------
     alpha
         Probability in (0, 1) that an irrelevant feature passes one test, or a function of
-        the number of tasks.
+        the number of tasks.  It is held where tasks share p(x|m); where they do not, an
+        irrelevant feature passes up to about twice as often with fewer than eight tasks.
     null
         ``"t2"``: the threshold is the squared two-sided Student quantile, exact for
         Gaussian scatter in one direction and conservative in more.
