@@ -27,6 +27,7 @@ def curves(gain: float = 50.0) -> pd.DataFrame:
                         "episodes": 20,
                         "sampling_seconds": 1.0,
                         "update_seconds": 0.5,
+                        "wall_seconds": 2.0,
                     }
                 )
     return pd.DataFrame(rows)
@@ -59,7 +60,7 @@ def test_tables_have_the_order_of_the_page() -> None:
     assert list(table.columns) == ["Swimmer", "Ant"]
     assert table.Ant["DTRNN"] == "−10 → **40**"
     assert table.Ant["ESN"] == "−10 → −10"
-    assert learning.time_table(curves()).set_index("network").Ant["ESN"] == "15"
+    assert learning.time_table(curves()).set_index("network").Ant["ESN"] == "15 (20)"
 
 
 def test_number_types_are_compared_seed_by_seed() -> None:

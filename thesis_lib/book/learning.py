@@ -39,7 +39,9 @@ def live(curves: pd.DataFrame) -> Figure:
     fig, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.3))
     steps = curves.groupby("iteration").steps.mean() / 1000
     for _, own in curves.groupby("seed"):
-        left.plot(own.steps / 1000, own.mean_return, color=COLOURS[0], lw=0.9, alpha=0.7)
+        left.plot(
+            own.steps / 1000, own.mean_return, ".-", ms=2, color=COLOURS[0], lw=0.9, alpha=0.7
+        )
         right.plot(own.iteration, own.kl, "o", color=COLOURS[0], ms=3, mfc="none")
     left.plot(steps, curves.groupby("iteration").mean_return.mean(), color=COLOURS[0], lw=2.2)
     right.axhline(curves.delta_kl.iloc[0], color=PRINTED, ls="--", lw=1.2, label=r"$\delta_{KL}$")
@@ -115,11 +117,18 @@ def _by_network(cells: pd.Series) -> pd.DataFrame:
 
 
 def time_table(curves: pd.DataFrame) -> pd.DataFrame:
-    """Processor seconds of a run, sampling and updates together, networks by tasks."""
-    spent = (curves.sampling_seconds + curves.update_seconds).groupby(
-        [curves.task, curves.architecture, curves.seed]
+    """Processor seconds of a run and, in brackets, wall-clock seconds, networks by tasks."""
+    spent = pd.DataFrame(
+        {
+            "processor": curves.sampling_seconds + curves.update_seconds,
+            "wall": curves.wall_seconds,
+        }
     )
-    return _by_network(spent.sum().groupby(level=[0, 1]).mean().map("{:.0f}".format))
+    runs = spent.groupby([curves.task, curves.architecture, curves.seed]).sum()
+    mean = runs.groupby(level=[0, 1]).mean()
+    return _by_network(
+        mean.processor.map("{:.0f}".format) + " (" + mean.wall.map("{:.0f}".format) + ")"
+    )
 
 
 def improvement(curves: pd.DataFrame, last: int = 5) -> pd.DataFrame:
