@@ -29,22 +29,28 @@ def measured(net: str, variant: str, root: Path | None = None) -> str:
     root
         The checkout; default the one this library runs from.
     """
+    return _told(f"options/{net}/curves", "variant", variant, root)
+
+
+def _told(name: str, column: str, changed: str, root: Path | None = None) -> str:
+    """One comparison of a committed sweep, as a sentence."""
     try:
-        result = saved(f"options/{net}/curves", root)
+        result = saved(name, root)
     except FileNotFoundError:
         return "Not measured yet."
-    table = compared(result.table, "variant")
-    found = table[table.changed == variant]
+    table = compared(result.table, column)
+    found = table[table.changed == changed]
     if found.empty:
         return "Not measured yet."
     row, budget = found.iloc[0], result.provenance["config"]
+    many = f", {row.p_holm:.2g} after Holm for the {len(table)} options tried"
     return (
-        f"Measured with `{variant}` for the {net.upper()} on {row.task}: over "
+        f"Measured with `{changed}` for the {row.architecture.upper()} on {row.task}: over "
         f"{budget['iterations']} iterations of {budget['batch_steps']:,} steps the mean return is "
         f"{_whole(row.mean_changed)} instead of {_whole(row.mean_reference)}, a difference of "
         f"{_whole(row.difference)} (95% interval {_whole(row.low)} to {_whole(row.high)}, "
-        f"{row.n} seeds in pairs; t-test p = {row.p_difference:.2g}, {row.p_holm:.2g} after Holm "
-        f"for the {len(table)} options tried on this network)."
+        f"{row.n} seeds in pairs; t-test p = {row.p_difference:.2g}"
+        f"{many if len(table) > 1 else ''})."
     )
 
 
@@ -247,8 +253,10 @@ DIFFERENCES = (
         "Networks in float32; physics, returns, baseline and conjugate gradient in float64. "
         "float64 throughout is an option.",
         "`TrainConfig(precision='float32' | 'float64')`",
-        "Runs that differ in their last digits soon differ visibly, much as two seeds do; `thesis "
-        "sweep --precisions float32 float64` compares the means over seeds.",
+        lambda tables: (
+            "Runs that differ in their last digits soon differ visibly, much as two seeds do. "
+            + _told("precision/curves", "precision", "float32")
+        ),
     ),
     Difference(
         "5.4-runs-alone",
