@@ -167,7 +167,7 @@ FIGURE_4_3: Experiment[TriangleConfig] = Experiment(
         "thesis": TriangleConfig(),
     },
     columns=COLUMNS,
-    seconds={"smoke": 1, "book": 50, "thesis": 50},
+    seconds={"smoke": 1, "book": 30, "thesis": 30},
 )
 
 BOOK_CLIFF = replace(CliffConfig().protocol, runs=200)
@@ -184,7 +184,7 @@ FIGURE_4_4: Experiment[CliffConfig] = Experiment(
         "thesis": CliffConfig(),
     },
     columns=COLUMNS,
-    seconds={"smoke": 1, "book": 40, "thesis": 95},
+    seconds={"smoke": 1, "book": 32, "thesis": 78},
 )
 
 FIGURE_4_5: Experiment[CliffConfig] = Experiment(
@@ -198,7 +198,7 @@ FIGURE_4_5: Experiment[CliffConfig] = Experiment(
         "thesis": CliffConfig(target="Q_tilde"),
     },
     columns=COLUMNS,
-    seconds={"smoke": 1, "book": 40, "thesis": 95},
+    seconds={"smoke": 1, "book": 32, "thesis": 78},
 )
 
 EPISODIC: Experiment[EpisodicConfig] = Experiment(
@@ -232,5 +232,5 @@ FIGURE_4_6: Experiment[StockConfig] = Experiment(
         "thesis": StockConfig(),
     },
     columns={"global_factors": "G", **COLUMNS},
-    seconds={"smoke": 1, "book": 70, "thesis": 350},
+    seconds={"smoke": 1, "book": 42, "thesis": 205},
 )
