@@ -230,6 +230,13 @@ def test_another_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(training, "OUR_DELTA", 0.2)
     with pytest.raises(ValueError, match=r"was trained with delta_kl 0\.05, not 0\.2"):
         train(config, tmp_path)
+    # nor does a checkpoint that does not say its step size pass for one with today's
+    file = tmp_path / "checkpoint.pt"
+    content = torch.load(file, weights_only=True)
+    del content["delta_kl"]
+    torch.save(content, file)
+    with pytest.raises(ValueError, match=r"was trained with delta_kl None, not 0\.2"):
+        train(config, tmp_path)
 
 
 def test_another_version(tmp_path: Path) -> None:

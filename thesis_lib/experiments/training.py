@@ -583,8 +583,8 @@ def differences(saved: Mapping[str, Any], config: TrainConfig) -> dict[str, tupl
     have = dataclasses.asdict(TrainConfig()) | dict(saved["config"])
     want = dataclasses.asdict(config)
     # A default may be another number in another version of this library.
-    if "delta_kl" in saved:
-        have["delta_kl"], want["delta_kl"] = saved["delta_kl"], step_size(config)
+    have["delta_kl"] = saved.get("delta_kl", have["delta_kl"])
+    want["delta_kl"] = step_size(config)
     return {
         name: (have[name], want[name])
         for name in want
