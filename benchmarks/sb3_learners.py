@@ -10,7 +10,7 @@ for an update, one thread each.
 
 The peer keeps its own settings wherever the comparison does not need ours (value network, GAE,
 damping, learning rates); the step size and the batch are ours.  For the curves ours takes the
-peer's lambda, damping and initial weights; its baseline stays linear.
+peer's lambda, damping and initial weights, and a value network too.
 
     pip install sb3-contrib==2.9.2
     python benchmarks/sb3_learners.py [--json] [--tasks Hopper HalfCheetah]
@@ -40,7 +40,7 @@ from thesis_lib.experiments.training import TrainConfig, train
 from thesis_lib.policies import make_policy
 from thesis_lib.stats import welch
 
-SIDES = ("ours", "peer")
+SIDES = ("ours", "linear", "peer")
 ENVIRONMENTS = 16
 DELTA = 0.05
 LIKE_THE_PEER = {
@@ -50,9 +50,10 @@ LIKE_THE_PEER = {
     "cg_iterations": 15,
     "initialisation": "orthogonal",
     "head_scale": 0.01,
+    "baseline": "network",
 }
-"""The peer's defaults, in the comparison of curves; the thesis's are measured beside them in
-``results/options/dffwd``.  What remains different is the baseline: ours is linear."""
+"""The peer's defaults, in the comparison of curves; the thesis's are measured beside some of them
+in ``results/options/dffwd``.  ``--sides linear`` keeps the thesis's linear baseline."""
 TANH = {"activation_fn": torch.nn.Tanh}
 
 
@@ -155,7 +156,8 @@ def last(values: np.ndarray, batch: int) -> float:
 
 def learn(side: str, task: str, seed: int, batch: int, steps: int) -> np.ndarray:
     """Mean return of each batch's episodes in one run of ours or of the peer."""
-    if side == "ours":
+    if side != "peer":
+        settings = LIKE_THE_PEER | ({"baseline": "linear"} if side == "linear" else {})
         config = TrainConfig(
             task=task,
             architecture="dffwd",
@@ -163,7 +165,7 @@ def learn(side: str, task: str, seed: int, batch: int, steps: int) -> np.ndarray
             delta_kl=DELTA,
             batch_steps=batch,
             iterations=steps // batch,
-            **LIKE_THE_PEER,
+            **settings,
         )
         return train(config).curve.mean_return.to_numpy()
     callback = Returns()
@@ -200,24 +202,28 @@ def curves(
             side: [curve(folder, side, task, seed, batch, steps) for seed in range(seeds)]
             for side in sides
         }
-        if len(sides) < 2:
+        if "peer" not in sides:
             continue
         for label, of in (
             ("end", lambda values: last(values, batch)),
             ("mean of the curve", lambda values: float(np.nanmean(values))),
         ):
-            ours, theirs = ([of(values) for values in runs[side]] for side in SIDES)
-            rows.append(
-                {
-                    "name": f"return, {label}, DFFWD, {task}",
-                    "ours": float(np.mean(ours)),
-                    "peer": float(np.mean(theirs)),
-                    "ratio": float(np.mean(ours) / np.mean(theirs)),
-                    "unit": f"return over {seeds} seeds",
-                    "test": repr(welch(ours, theirs)),
-                    "all": {"ours": ours, "peer": theirs},
-                }
-            )
+            ends = {side: [of(values) for values in runs[side]] for side in sides}
+            for side in sides:
+                if side == "peer":
+                    continue
+                ours, theirs = ends[side], ends["peer"]
+                rows.append(
+                    {
+                        "name": f"return, {label}, DFFWD ({side}), {task}",
+                        "ours": float(np.mean(ours)),
+                        "peer": float(np.mean(theirs)),
+                        "ratio": float(np.mean(ours) / np.mean(theirs)),
+                        "unit": f"return over {seeds} seeds",
+                        "test": repr(welch(ours, theirs)),
+                        "all": {"ours": ours, "peer": theirs},
+                    }
+                )
     return rows
 
 

@@ -37,7 +37,12 @@ def numbers(run: Training) -> pd.DataFrame:
 def same(one: Training, two: Training) -> None:
     pd.testing.assert_frame_equal(numbers(one), numbers(two), check_exact=True)
     assert torch.equal(one.policy.parameter_vector(), two.policy.parameter_vector())
-    np.testing.assert_array_equal(one.learner.baseline.weights, two.learner.baseline.weights)
+    observations = np.random.default_rng(0).normal(size=(5, one.policy.feature_size))
+    time = np.arange(5)
+    np.testing.assert_array_equal(
+        one.learner.baseline.predict(observations, time),
+        two.learner.baseline.predict(observations, time),
+    )
 
 
 # ----------------------------------------------------------------------------- reproducibility
@@ -61,6 +66,7 @@ def test_same_seed_same_run(architecture: str) -> None:
         {"task": "Ant", "architecture": "gru", "units": 4},
         {"task": "Walker2d", "architecture": "dtrnn", "algorithm": "ppo"},
         {"task": "Hopper", "architecture": "esn", "precision": "float64"},
+        {"task": "Hopper", "architecture": "ffwd", "baseline": "network", "bootstrap": True},
     ],
     ids=lambda o: f"{o['task']}-{o['architecture']}",
 )

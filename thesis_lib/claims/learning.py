@@ -144,7 +144,7 @@ DIFFERENCES = (
         "Any function of the state, fitted by regression.",
         "Linear in the observation the policy sees (clipped to ±10), its squares, three powers of "
         "the time and 1, with a ridge of 1e-5: Duan et al.'s, and the author's code's.",
-        "`LinearBaseline(ridge=)`, `Learner(baseline=)`",
+        "`LinearBaseline(ridge=)`, `TrainConfig(baseline='linear' | 'network')`",
         "A recurrent network's baseline does not see what the network remembers, nor the sensors "
         "that the network is spared on the hopper and the swimmer.",
     ),

@@ -41,16 +41,18 @@ from thesis_lib.optimisation import (
     TRPO,
     VPG,
     Learner,
+    LinearBaseline,
     NaturalPG,
     Rollouts,
     UpdateReport,
+    ValueNetwork,
     collect,
 )
 from thesis_lib.optimisation.problem import Algorithm
 from thesis_lib.policies import ARCHITECTURES, GaussianPolicy, make_policy
 from thesis_lib.published import load as published
 
-FORMAT = 1
+FORMAT = 2
 """Version of the checkpoints this library writes and reads."""
 
 FILES = ("checkpoint.pt", "curve.csv", "run.json")
@@ -58,6 +60,7 @@ FILES = ("checkpoint.pt", "curve.csv", "run.json")
 
 TERRAINS = ("flat", "hill")
 ALGORITHMS = ("trpo", "vpg", "natural", "ppo")
+BASELINES = ("linear", "network")
 FEATURES = ("thesis", "full")
 PRECISIONS: Mapping[str, torch.dtype] = {"float32": torch.float32, "float64": torch.float64}
 
@@ -137,6 +140,8 @@ class TrainConfig:
     """lambda of the advantage estimate; 1 is equation 2.12."""
     bootstrap: bool = False
     """Credit episodes cut at the horizon with the baseline; the author does not."""
+    baseline: str = "linear"
+    """linear (Duan et al.), or network: a neural one, fitted to lambda-returns."""
     cg_iterations: int = 10
     """Conjugate-gradient steps."""
     damping: float = 1e-5
@@ -191,6 +196,7 @@ class TrainConfig:
             ("terrain", TERRAINS),
             ("architecture", tuple(ARCHITECTURES)),
             ("algorithm", ALGORITHMS),
+            ("baseline", BASELINES),
             ("features", FEATURES),
             ("precision", tuple(PRECISIONS)),
         ):
@@ -331,6 +337,13 @@ def make_run_policy(config: TrainConfig, task: BatchTask) -> GaussianPolicy:
     )
 
 
+def _baseline(config: TrainConfig) -> dict[str, Any]:
+    """The learner's baseline, and what it is fitted to."""
+    if config.baseline == "linear":
+        return {"baseline": LinearBaseline(), "targets": "returns"}
+    return {"baseline": ValueNetwork(seed=config.seed), "targets": "lambda"}
+
+
 def make_algorithm(config: TrainConfig) -> Algorithm:
     """The rule a run learns by."""
     if config.algorithm == "vpg":
@@ -408,6 +421,7 @@ class Training:
             discount=config.discount,
             trace=config.trace,
             bootstrap=config.bootstrap,
+            **_baseline(config),
         )
         self.iteration = 0
         self.rows: list[dict[str, Any]] = []
@@ -481,7 +495,6 @@ class Training:
             Of the checkpoint.
         """
         folder = writable_directory(directory)
-        baseline = self.learner.baseline.weights
         algorithm = self.learner.algorithm
         content = {
             "format": FORMAT,
@@ -489,7 +502,7 @@ class Training:
             "delta_kl": step_size(self.config),
             "iteration": self.iteration,
             "policy": self.policy.state_dict(),
-            "baseline": None if baseline is None else torch.as_tensor(baseline),
+            "baseline": self.learner.baseline.state_dict(),
             "algorithm": algorithm.state_dict() if isinstance(algorithm, PPO) else None,
             "rows": self.rows,
         }
@@ -554,8 +567,7 @@ class Training:
             raise _foreign(
                 path, f"parameters that are not those of {saved.architecture}"
             ) from error
-        if content["baseline"] is not None:
-            run.learner.baseline.weights = content["baseline"].numpy()
+        run.learner.baseline.load_state_dict(content["baseline"])
         if isinstance(run.learner.algorithm, PPO):
             run.learner.algorithm.load_state_dict(content["algorithm"])
         run.iteration = content["iteration"]

@@ -1,6 +1,6 @@
 """Policy-gradient learning: algorithms 5 and 6, and what they are made of."""
 
-from thesis_lib.optimisation.baseline import LinearBaseline, baseline_features
+from thesis_lib.optimisation.baseline import Baseline, LinearBaseline, baseline_features
 from thesis_lib.optimisation.conjugate_gradient import Solution, conjugate_gradient
 from thesis_lib.optimisation.learner import Learner
 from thesis_lib.optimisation.natural import NaturalPG, full_step, natural_direction
@@ -17,6 +17,7 @@ from thesis_lib.optimisation.regulator import LinearQuadraticTask
 from thesis_lib.optimisation.returns import advantages, discounted_returns, standardised
 from thesis_lib.optimisation.rollouts import Rollouts, VectorTask, collect, run_episodes
 from thesis_lib.optimisation.trpo import TRPO
+from thesis_lib.optimisation.value_network import ValueNetwork
 from thesis_lib.optimisation.vpg import VPG
 
 __all__ = [
@@ -24,6 +25,7 @@ __all__ = [
     "TRPO",
     "VPG",
     "Algorithm",
+    "Baseline",
     "Batch",
     "Learner",
     "LinearBaseline",
@@ -34,6 +36,7 @@ __all__ = [
     "Solution",
     "UpdateReport",
     "Value",
+    "ValueNetwork",
     "VectorTask",
     "advantages",
     "baseline_features",

@@ -2,7 +2,10 @@ r"""The linear baseline :math:`b(s_t)` (lines 6 and 7 of algorithms 5 and 6)."""
 
 from __future__ import annotations
 
+from typing import Any, Protocol
+
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
@@ -37,6 +40,22 @@ def baseline_features(observations: FloatArray, time: IntArray) -> FloatArray:
     o = np.clip(observations, -CLIP, CLIP)
     s = np.asarray(time, dtype=np.float64)[:, None] / 100.0
     return np.concatenate([o, o**2, s, s**2, s**3, np.ones_like(s)], axis=1)
+
+
+class Baseline(Protocol):
+    r"""Predicts what a policy earns from a step on, :math:`b(s_t)`."""
+
+    def fit(self, observations: FloatArray, time: IntArray, returns: FloatArray) -> None:
+        """Learn from a batch; see :class:`LinearBaseline`."""
+
+    def predict(self, observations: FloatArray, time: IntArray) -> FloatArray:
+        """Baseline of every step; 0 before the first fit."""
+
+    def state_dict(self) -> dict[str, Any]:
+        """Everything an interrupted run needs."""
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Take up the state of an interrupted run."""
 
 
 class LinearBaseline:
@@ -91,3 +110,12 @@ class LinearBaseline:
         if self.weights is None:
             return np.zeros(len(observations))
         return baseline_features(observations, time) @ self.weights
+
+    def state_dict(self) -> dict[str, Any]:
+        """The weights, for a run that may be interrupted."""
+        return {"weights": None if self.weights is None else torch.as_tensor(self.weights)}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Take up the weights of an interrupted run."""
+        weights = state["weights"]
+        self.weights = None if weights is None else weights.numpy()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from thesis_lib.optimisation.baseline import LinearBaseline
+from thesis_lib.optimisation.baseline import Baseline, LinearBaseline
 from thesis_lib.optimisation.problem import Algorithm, UpdateReport, make_batch
 from thesis_lib.optimisation.returns import (
     advantages,
@@ -14,6 +14,9 @@ from thesis_lib.optimisation.returns import (
 )
 from thesis_lib.optimisation.rollouts import Rollouts
 from thesis_lib.policies import GaussianPolicy
+
+TARGETS = ("returns", "lambda")
+"""What a baseline may be fitted to."""
 
 
 @dataclass
@@ -38,11 +41,14 @@ class Learner:
         was cut in.
     baseline
         :math:`b`.
+    targets
+        What the baseline is fitted to: ``"returns"``, the R_t of line 7, or ``"lambda"``,
+        the advantage estimate added to the old baseline, which is R_t again if lambda is 1.
 
     Raises
     ------
     ValueError
-        When the discount or the trace is not in [0, 1].
+        When the discount or the trace is not in [0, 1], or there are no such targets.
     """
 
     policy: GaussianPolicy
@@ -51,11 +57,16 @@ class Learner:
     trace: float = 1.0
     standardise: bool = True
     bootstrap: bool = False
-    baseline: LinearBaseline = field(default_factory=LinearBaseline)
+    baseline: Baseline = field(default_factory=LinearBaseline)
+    targets: str = "returns"
 
     def __post_init__(self) -> None:
         check_fraction("discount", self.discount)
         check_fraction("trace", self.trace)
+        if self.targets not in TARGETS:
+            raise ValueError(
+                f"targets {self.targets!r} do not exist: choose one of {', '.join(TARGETS)}."
+            )
 
     def improve(self, rollouts: Rollouts) -> UpdateReport:
         """Lines 4 to 8 of algorithm 5, or 4 to 9 of algorithm 6.
@@ -80,7 +91,8 @@ class Learner:
             last = self.baseline.predict(final, packing.lengths) * ~rollouts.terminated
         estimate = advantages(rollouts.rewards, values, packing, self.discount, self.trace, last)
         # line 7: fit b to R_t
-        self.baseline.fit(seen, packing.time, returns)
+        target = returns if self.targets == "returns" else values + estimate
+        self.baseline.fit(seen, packing.time, target)
         # line 8, and line 9 of algorithm 6
         if self.standardise:
             estimate = standardised(estimate)

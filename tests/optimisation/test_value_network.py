@@ -1,0 +1,124 @@
+"""The neural baseline, and what a baseline may be fitted to."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from thesis_lib.optimisation import (
+    VPG,
+    Baseline,
+    Learner,
+    LinearBaseline,
+    LinearQuadraticTask,
+    ValueNetwork,
+    collect,
+)
+from thesis_lib.policies import make_policy
+
+torch.set_num_threads(1)
+
+
+def batch(n: int = 1500, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Values the linear baseline cannot represent: a wave along the first sensor."""
+    rng = np.random.default_rng(seed)
+    observations = rng.uniform(-1, 1, (n, 2))
+    return observations, np.zeros(n, dtype=np.int64), np.sin(4 * observations[:, 0])
+
+
+def error(baseline: Baseline, fits: int) -> float:
+    """Root mean square error on new steps."""
+    for _ in range(fits):
+        baseline.fit(*batch())
+    observations, time, values = batch(seed=1)
+    return float(np.sqrt(np.mean((baseline.predict(observations, time) - values) ** 2)))
+
+
+def test_it_finds_a_value_the_linear_baseline_cannot() -> None:
+    network = ValueNetwork()
+    assert (network.predict(*batch()[:2]) == 0).all()
+    # the best line through sin(4x) on [-1, 1] leaves more than half of the wave
+    assert error(LinearBaseline(), 1) > 0.4
+    assert error(network, 60) < 0.1
+
+
+def test_it_goes_on_from_where_it_was() -> None:
+    network = ValueNetwork(seed=1)
+    assert error(network, 1) > error(network, 10)
+
+
+def test_an_interrupted_fit_goes_on_to_the_same_bits() -> None:
+    whole, first = ValueNetwork(seed=3), ValueNetwork(seed=3)
+    for _ in range(2):
+        whole.fit(*batch())
+    first.fit(*batch())
+    second = ValueNetwork(seed=8)
+    second.load_state_dict(first.state_dict())
+    second.fit(*batch())
+    observations, time, _ = batch(seed=2)
+    assert (second.predict(observations, time) == whole.predict(observations, time)).all()
+    untrained = ValueNetwork()
+    untrained.load_state_dict(ValueNetwork().state_dict())
+    assert (untrained.predict(observations, time) == 0).all()
+
+
+class Noted:
+    """A baseline of 2 everywhere that notes what it is fitted to."""
+
+    def fit(self, observations: np.ndarray, time: np.ndarray, returns: np.ndarray) -> None:
+        self.target = returns
+
+    def predict(self, observations: np.ndarray, time: np.ndarray) -> np.ndarray:
+        return np.full(len(observations), 2.0)
+
+    def state_dict(self) -> dict[str, Any]:
+        return {}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None: ...
+
+
+@pytest.mark.parametrize(("trace", "targets"), [(0.0, "lambda"), (1.0, "lambda"), (0.0, "returns")])
+def test_targets_by_hand(trace: float, targets: str) -> None:
+    task = LinearQuadraticTask(4, A=0.5, B=0.2, R=0.5, seed=0)
+    policy = make_policy("ffwd", 1, 1, dt=0.1, units=2)
+    rollouts = collect(task, policy, 20, np.random.default_rng(0))
+    noted = Noted()
+    Learner(policy, VPG(), discount=0.5, trace=trace, baseline=noted, targets=targets).improve(
+        rollouts
+    )
+    packing, rewards = rollouts.packing, rollouts.rewards
+    expected = np.empty(len(rewards))
+    for episode in range(packing.n_episodes):
+        rows = [
+            packing.offsets[t] + list(packing.order).index(episode)
+            for t in range(packing.lengths[episode])
+        ]
+        total = 0.0
+        for k in reversed(range(len(rows))):
+            after = 2.0 if k + 1 < len(rows) else 0.0
+            total = rewards[rows[k]] + 0.5 * total
+            expected[rows[k]] = (
+                rewards[rows[k]] + 0.5 * after if (trace, targets) == (0.0, "lambda") else total
+            )
+    np.testing.assert_allclose(noted.target, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"learning_rate": 0.0}, "learning_rate is 0.0"),
+        ({"epochs": 0}, "epochs is 0"),
+        ({"minibatch": -1}, "minibatch is -1"),
+        ({"hidden": (10, 0)}, "hidden is 0"),
+    ],
+)
+def test_bad_settings(options: dict[str, Any], told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        ValueNetwork(**options)
+
+
+def test_bad_targets() -> None:
+    policy = make_policy("ffwd", 1, 1, dt=0.1, units=2)
+    with pytest.raises(ValueError, match="choose one of returns, lambda"):
+        Learner(policy, VPG(), targets="rewards")

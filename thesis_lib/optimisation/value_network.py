@@ -1,0 +1,137 @@
+r"""A neural baseline, for comparison with the linear one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+
+from thesis_lib.optimisation.problem import check_positive
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class ValueNetwork:
+    r"""A network of tanh layers as baseline :math:`b(s_t)`, fitted by Adam from where it was.
+
+    It sees the observation alone and not the time, so that it estimates the value of a
+    state; use it with ``Learner(bootstrap=True)`` where a time limit cuts episodes.
+
+    Parameters
+    ----------
+    hidden
+        Units of each hidden layer.
+    learning_rate
+        Adam's.
+    epochs
+        Passes over the batch in each fit.
+    minibatch
+        Steps of a gradient.
+    seed
+        Of the initial weights (orthogonal) and of the order of the steps.
+
+    Raises
+    ------
+    ValueError
+        When a setting is not positive.
+
+    Notes
+    -----
+    Not in the thesis, whose baseline is :class:`~thesis_lib.optimisation.LinearBaseline`;
+    libraries such as Stable-Baselines3 have one like this.  It predicts 0 before its
+    first fit.
+    """
+
+    def __init__(
+        self,
+        hidden: Sequence[int] = (100, 50, 25),
+        *,
+        learning_rate: float = 2e-3,
+        epochs: int = 10,
+        minibatch: int = 512,
+        seed: int = 0,
+    ) -> None:
+        for name, value in (
+            ("learning_rate", learning_rate),
+            ("epochs", epochs),
+            ("minibatch", minibatch),
+            ("the smallest layer of hidden", min(hidden, default=1)),
+        ):
+            check_positive(name, value)
+        self.hidden = tuple(hidden)
+        self.learning_rate = learning_rate
+        self.epochs = epochs
+        self.minibatch = minibatch
+        self._generator = torch.Generator().manual_seed(seed)
+        self._net: nn.Sequential | None = None
+        self._adam: torch.optim.Adam | None = None
+
+    def _build(self, n_inputs: int) -> tuple[nn.Sequential, torch.optim.Adam]:
+        widths = [n_inputs, *self.hidden, 1]
+        layers: list[nn.Module] = []
+        for k, (before, after) in enumerate(pairwise(widths)):
+            layer = nn.utils.skip_init(nn.Linear, before, after)
+            gain = 1.0 if k == len(widths) - 2 else math.sqrt(2)
+            nn.init.orthogonal_(layer.weight, gain, self._generator)
+            nn.init.zeros_(layer.bias)
+            layers += [layer, nn.Tanh()]
+        net = nn.Sequential(*layers[:-1])
+        self._net, self._adam = net, torch.optim.Adam(net.parameters(), lr=self.learning_rate)
+        return self._net, self._adam
+
+    def fit(self, observations: FloatArray, time: IntArray, returns: FloatArray) -> None:
+        r"""Lower the mean of :math:`(R_t - b(s_t))^2` over minibatches of steps.
+
+        Parameters
+        ----------
+        observations
+            What the policy sees, shape ``(R, D)``.
+        time
+            Not used.
+        returns
+            What to predict, shape ``(R,)``.
+        """
+        x = torch.as_tensor(observations, dtype=torch.float32)
+        target = torch.as_tensor(returns, dtype=torch.float32)
+        if self._net is None or self._adam is None:
+            net, adam = self._build(x.shape[1])
+        else:
+            net, adam = self._net, self._adam
+        for _ in range(self.epochs):
+            order = torch.randperm(len(x), generator=self._generator)
+            for rows in order.split(self.minibatch):
+                adam.zero_grad()
+                loss = (net(x[rows])[:, 0] - target[rows]).square().mean()
+                loss.backward()
+                adam.step()
+
+    def predict(self, observations: FloatArray, time: IntArray) -> FloatArray:
+        """Baseline of every step, shape ``(R,)``; ``time`` is not used."""
+        if self._net is None:
+            return np.zeros(len(observations))
+        with torch.no_grad():
+            values = self._net(torch.as_tensor(observations, dtype=torch.float32))[:, 0]
+        return np.asarray(values.numpy(), dtype=np.float64)
+
+    def state_dict(self) -> dict[str, Any]:
+        """Everything an interrupted run needs to go on as if it had not been."""
+        return {
+            "generator": self._generator.get_state(),
+            "net": None if self._net is None else self._net.state_dict(),
+            "adam": None if self._adam is None else self._adam.state_dict(),
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Take up the state of an interrupted run."""
+        if state["net"] is not None:
+            net, adam = self._build(state["net"]["0.weight"].shape[1])
+            net.load_state_dict(state["net"])
+            adam.load_state_dict(state["adam"])
+        self._generator.set_state(state["generator"])
