@@ -29,13 +29,14 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pandas as pd
+import sb3_contrib
 import torch
 from sb3_contrib import TRPO, RecurrentPPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
-from thesis_lib.experiments.base import replacing
+from thesis_lib.experiments.base import environment, replacing
 from thesis_lib.experiments.training import TrainConfig, train
 from thesis_lib.policies import make_policy
 from thesis_lib.stats import welch
@@ -194,8 +195,20 @@ def curve(folder: Path, side: str, task: str, seed: int, batch: int, steps: int)
 def curves(
     tasks: list[str], sides: list[str], folder: Path, batch: int, steps: int, seeds: int
 ) -> list[dict[str, Any]]:
-    """Learning curves of both sides, and Welch's test of their ends and of their means."""
+    """Learning curves of all sides, and Welch's test of their ends and of their means."""
     folder.mkdir(parents=True, exist_ok=True)
+    record = {
+        "command": "python benchmarks/sb3_learners.py --curves --sides " + " ".join(sides),
+        "batch_steps": batch,
+        "steps": steps,
+        "seeds": list(range(seeds)),
+        "delta_kl": DELTA,
+        "ours": LIKE_THE_PEER,
+        **environment(),
+        "peer": {"sb3_contrib": sb3_contrib.__version__},
+    }
+    with replacing(folder / "provenance.json") as temporary:
+        temporary.write_text(json.dumps(record, indent=1) + "\n")
     rows = []
     for task in tasks:
         runs = {
