@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -172,29 +173,34 @@ def _by_episode(ax: Axes, rows: pd.DataFrame, gap: str, sign: int) -> None:
 def all_methods(table: pd.DataFrame) -> Figure:
     """Return of the first episodes for all methods, one panel a level of noise."""
     own = table[table.panel == "first episodes"]
-    fig, axes = plt.subplots(2, 2, figsize=(7.2, 5.6), sharex=True, sharey=True)
-    for at, (sensor, part) in zip(CLOCKWISE, own.groupby("sensor"), strict=False):
-        returns(axes[at], part)
-        axes[at].set_title(rf"$\sigma_{{sensor}}$ = {sensor:g}", fontsize=9)
-    for ax in axes[0]:
-        ax.set_xlabel("")
+    fig, axes = _by_noise(own, returns, height=5.6, legend_columns=4)
     for ax in axes[:, 0]:
         ax.set_ylabel("return, first episodes")
-    handles = axes[0, 0].get_legend_handles_labels()
-    fig.legend(*handles, loc="outside lower center", ncols=4, fontsize=8)
     return fig
 
 
 def figure_4_8(table: pd.DataFrame) -> Figure:
     """ROC space, one panel a level of noise, clockwise from the top left."""
-    fig, axes = plt.subplots(2, 2, figsize=(7.2, 6.0), sharex=True, sharey=True)
+    fig, axes = _by_noise(table, roc, height=6.0, legend_columns=3)
+    for ax in axes[:, 1]:
+        ax.set_ylabel("")
+    return fig
+
+
+def _by_noise(
+    table: pd.DataFrame,
+    draw: Callable[[Axes, pd.DataFrame], object],
+    *,
+    height: float,
+    legend_columns: int,
+) -> tuple[Figure, Any]:
+    """One panel a level of noise, clockwise, with one legend; figure and axes."""
+    fig, axes = plt.subplots(2, 2, figsize=(7.2, height), sharex=True, sharey=True)
     for at, (sensor, part) in zip(CLOCKWISE, table.groupby("sensor"), strict=False):
-        roc(axes[at], part)
+        draw(axes[at], part)
         axes[at].set_title(rf"$\sigma_{{sensor}}$ = {sensor:g}", fontsize=9)
     for ax in axes[0]:
         ax.set_xlabel("")
-    for ax in axes[:, 1]:
-        ax.set_ylabel("")
     handles = axes[0, 0].get_legend_handles_labels()
-    fig.legend(*handles, loc="outside lower center", ncols=3, fontsize=8)
-    return fig
+    fig.legend(*handles, loc="outside lower center", ncols=legend_columns, fontsize=8)
+    return fig, axes

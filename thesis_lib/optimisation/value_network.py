@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from torch import nn
 
 from thesis_lib.optimisation.problem import check_positive
+from thesis_lib.policies.base import empty_linear
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -77,10 +78,9 @@ class ValueNetwork:
         widths = [n_inputs, *self.hidden, 1]
         layers: list[nn.Module] = []
         for k, (before, after) in enumerate(pairwise(widths)):
-            layer = nn.utils.skip_init(nn.Linear, before, after)
+            layer = empty_linear(before, after)
             gain = 1.0 if k == len(widths) - 2 else math.sqrt(2)
             nn.init.orthogonal_(layer.weight, gain, self._generator)
-            nn.init.zeros_(layer.bias)
             layers += [layer, nn.Tanh()]
         net = nn.Sequential(*layers[:-1])
         self._net, self._adam = net, torch.optim.Adam(net.parameters(), lr=self.learning_rate)
