@@ -12,9 +12,15 @@ The peer keeps its own settings wherever the comparison does not need ours (valu
 damping, learning rates); the step size and the batch are ours.  For the curves ours takes the
 peer's lambda, damping and initial weights, and a value network too.
 
+The peer takes the mean of the divergence over steps *and over the A action dimensions*, so that
+its ``target_kl`` of d bounds the divergence by A d nats, and its damping of the Fisher matrix is A
+times as strong.  The curves compare like with like, twice: ``--bounds nats`` bounds both by d nats
+(the peer's ``target_kl`` is d / A), ``--bounds dimension`` both by A d.
+
     pip install sb3-contrib==2.9.2
     python benchmarks/sb3_learners.py [--json] [--tasks Hopper HalfCheetah]
-    python benchmarks/sb3_learners.py --curves [--sides ours peer] [--out results/peers]
+    python benchmarks/sb3_learners.py --curves [--bounds nats] [--sides ours peer] \
+        [--out results/peers]
 """
 
 from __future__ import annotations
@@ -23,6 +29,7 @@ import argparse
 import json
 import sys
 import time
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -42,12 +49,12 @@ from thesis_lib.policies import make_policy
 from thesis_lib.stats import welch
 
 SIDES = ("ours", "linear", "peer")
+BOUNDS = ("nats", "dimension")
 ENVIRONMENTS = 16
 DELTA = 0.05
 LIKE_THE_PEER = {
     "trace": 0.95,
     "bootstrap": True,
-    "damping": 0.1,
     "cg_iterations": 15,
     "initialisation": "orthogonal",
     "head_scale": 0.01,
@@ -55,6 +62,7 @@ LIKE_THE_PEER = {
 }
 """The peer's defaults, in the comparison of curves; the thesis's are measured beside some of them
 in ``results/options/dffwd``.  ``--sides linear`` keeps the thesis's linear baseline."""
+PEER_DAMPING = 0.1
 TANH = {"activation_fn": torch.nn.Tanh}
 
 
@@ -84,7 +92,13 @@ def environments(task: str, seed: int) -> VecMonitor:
     return vector
 
 
-def peer(kind: str, task: str, seed: int, batch: int) -> BaseAlgorithm:
+def action_dimensions(task: str) -> int:
+    return gymnasium.make(f"thesis/{task}-v0").action_space.shape[0]
+
+
+def peer(
+    kind: str, task: str, seed: int, batch: int, target_kl: float | None = None
+) -> BaseAlgorithm:
     vector = environments(task, seed)
     per_world = batch // ENVIRONMENTS
     if kind == "dffwd":
@@ -93,7 +107,8 @@ def peer(kind: str, task: str, seed: int, batch: int) -> BaseAlgorithm:
             "MlpPolicy",
             vector,
             n_steps=per_world,
-            target_kl=DELTA,
+            target_kl=DELTA / action_dimensions(task) if target_kl is None else target_kl,
+            cg_damping=PEER_DAMPING,
             seed=seed,
             device="cpu",
             policy_kwargs={"net_arch": layers, **TANH},
@@ -155,37 +170,55 @@ def last(values: np.ndarray, batch: int) -> float:
     return float(np.nanmean(values[-max(1, 100_000 // batch) :]))
 
 
-def learn(side: str, task: str, seed: int, batch: int, steps: int) -> np.ndarray:
+def learn(side: str, task: str, bound: str, seed: int, batch: int, steps: int) -> np.ndarray:
     """Mean return of each batch's episodes in one run of ours or of the peer."""
+    dimensions = action_dimensions(task)
+    delta = DELTA * (dimensions if bound == "dimension" else 1)
     if side != "peer":
         settings = LIKE_THE_PEER | ({"baseline": "linear"} if side == "linear" else {})
         config = TrainConfig(
             task=task,
             architecture="dffwd",
             seed=seed,
-            delta_kl=DELTA,
+            delta_kl=delta,
+            damping=PEER_DAMPING * dimensions,
             batch_steps=batch,
             iterations=steps // batch,
             **settings,
         )
         return train(config).curve.mean_return.to_numpy()
     callback = Returns()
-    peer("dffwd", task, seed, batch).learn(steps, callback=callback)
+    peer("dffwd", task, seed, batch, delta / dimensions).learn(steps, callback=callback)
     return np.array(callback.batches)
 
 
-def curve(folder: Path, side: str, task: str, seed: int, batch: int, steps: int) -> np.ndarray:
+def curve(
+    folder: Path, side: str, task: str, bound: str, seed: int, batch: int, steps: int
+) -> np.ndarray:
     """One run's learning curve, from its file if an earlier call has finished it."""
-    path = folder / f"{task.lower()}-{side}-{seed}.csv"
+    path = folder / bound / f"{task.lower()}-{side}-{seed}.csv"
     if not path.exists():
         start = time.process_time()
-        values = learn(side, task, seed, batch, steps)
+        values = learn(side, task, bound, seed, batch, steps)
+        seconds = time.process_time() - start
         with replacing(path) as temporary:
             index = pd.RangeIndex(1, len(values) + 1, name="batch")
             pd.DataFrame({"mean_return": values}, index=index).to_csv(temporary)
+        settings = {
+            "batch_steps": batch,
+            "steps": steps,
+            "delta_kl": DELTA,
+            "peer_damping": PEER_DAMPING,
+            "ours": LIKE_THE_PEER,
+            "processor_seconds": round(seconds, 1),
+            **environment(),
+            "sb3_contrib": sb3_contrib.__version__,
+        }
+        with replacing(path.with_suffix(".json")) as temporary:
+            temporary.write_text(json.dumps(settings, indent=1) + "\n")
         print(
-            f"{task} {side} seed {seed}: last 100,000 steps {last(values, batch):.1f}, "
-            f"{time.process_time() - start:.0f} processor s",
+            f"{task} {bound} {side} seed {seed}: last 100,000 steps {last(values, batch):.1f}, "
+            f"{seconds:.0f} processor s",
             file=sys.stderr,
             flush=True,
         )
@@ -193,26 +226,21 @@ def curve(folder: Path, side: str, task: str, seed: int, batch: int, steps: int)
 
 
 def curves(
-    tasks: list[str], sides: list[str], folder: Path, batch: int, steps: int, seeds: int
+    tasks: list[str],
+    sides: list[str],
+    bounds: list[str],
+    folder: Path,
+    batch: int,
+    steps: int,
+    seeds: int,
 ) -> list[dict[str, Any]]:
     """Learning curves of all sides, and Welch's test of their ends and of their means."""
-    folder.mkdir(parents=True, exist_ok=True)
-    record = {
-        "command": "python benchmarks/sb3_learners.py --curves --sides " + " ".join(sides),
-        "batch_steps": batch,
-        "steps": steps,
-        "seeds": list(range(seeds)),
-        "delta_kl": DELTA,
-        "ours": LIKE_THE_PEER,
-        **environment(),
-        "peer": {"sb3_contrib": sb3_contrib.__version__},
-    }
-    with replacing(folder / "provenance.json") as temporary:
-        temporary.write_text(json.dumps(record, indent=1) + "\n")
+    for bound in bounds:
+        (folder / bound).mkdir(parents=True, exist_ok=True)
     rows = []
-    for task in tasks:
+    for task, bound in product(tasks, bounds):
         runs = {
-            side: [curve(folder, side, task, seed, batch, steps) for seed in range(seeds)]
+            side: [curve(folder, side, task, bound, seed, batch, steps) for seed in range(seeds)]
             for side in sides
         }
         if "peer" not in sides:
@@ -228,7 +256,7 @@ def curves(
                 ours, theirs = ends[side], ends["peer"]
                 rows.append(
                     {
-                        "name": f"return, {label}, DFFWD ({side}), {task}",
+                        "name": f"{task}, {bound}, {side}: {label}",
                         "ours": float(np.mean(ours)),
                         "peer": float(np.mean(theirs)),
                         "ratio": float(np.mean(ours) / np.mean(theirs)),
@@ -251,6 +279,7 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=1_000_000)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--sides", nargs="*", default=list(SIDES), choices=SIDES)
+    parser.add_argument("--bounds", nargs="*", default=list(BOUNDS), choices=BOUNDS)
     parser.add_argument("--out", type=Path, default=Path("results/peers"))
     arguments = parser.parse_args()
     torch.set_num_threads(1)
@@ -258,6 +287,7 @@ def main() -> None:
         rows = curves(
             arguments.tasks,
             arguments.sides,
+            arguments.bounds,
             arguments.out,
             arguments.curve_batch_steps,
             arguments.steps,
