@@ -5,7 +5,7 @@ for an update, one thread each.
 
 - DFFWD: our TRPO against ``sb3_contrib.TRPO``: samples a second of processor time end to end, or
   with ``--curves`` the returns over ``--steps`` steps and ``--seeds`` seeds.  Each run's curve is a
-  file in ``--out``; what is there is not run again.
+  file in ``--runs-in``, and what is there is not run again; ``--out`` gets them in one table.
 - LSTM: our TRPO against ``sb3_contrib.RecurrentPPO``: samples a second.
 
 The peer keeps its own settings wherever the comparison does not need ours (value network, GAE,
@@ -19,8 +19,7 @@ times as strong.  The curves compare like with like, twice: ``--bounds nats`` bo
 
     pip install sb3-contrib==2.9.2
     python benchmarks/sb3_learners.py [--json] [--tasks Hopper HalfCheetah]
-    python benchmarks/sb3_learners.py --curves [--bounds nats] [--sides ours peer] \
-        [--out results/peers]
+    python benchmarks/sb3_learners.py --curves [--bounds nats] [--sides ours peer]
 """
 
 from __future__ import annotations
@@ -50,6 +49,7 @@ from thesis_lib.stats import welch
 
 SIDES = ("ours", "linear", "peer")
 BOUNDS = ("nats", "dimension")
+TASKS = ("Hopper", "HalfCheetah")
 ENVIRONMENTS = 16
 DELTA = 0.05
 LIKE_THE_PEER = {
@@ -192,11 +192,16 @@ def learn(side: str, task: str, bound: str, seed: int, batch: int, steps: int) -
     return np.array(callback.batches)
 
 
+def run_file(folder: Path, task: str, bound: str, side: str, seed: int) -> Path:
+    """Where a run's curve is kept, beside its provenance."""
+    return folder / bound / f"{task.lower()}-{side}-{seed}.csv"
+
+
 def curve(
-    folder: Path, side: str, task: str, bound: str, seed: int, batch: int, steps: int
+    folder: Path, task: str, bound: str, side: str, seed: int, batch: int, steps: int
 ) -> np.ndarray:
     """One run's learning curve, from its file if an earlier call has finished it."""
-    path = folder / bound / f"{task.lower()}-{side}-{seed}.csv"
+    path = run_file(folder, task, bound, side, seed)
     if not path.exists():
         start = time.process_time()
         values = learn(side, task, bound, seed, batch, steps)
@@ -240,7 +245,7 @@ def curves(
     rows = []
     for task, bound in product(tasks, bounds):
         runs = {
-            side: [curve(folder, side, task, bound, seed, batch, steps) for seed in range(seeds)]
+            side: [curve(folder, task, bound, side, seed, batch, steps) for seed in range(seeds)]
             for side in sides
         }
         if "peer" not in sides:
@@ -268,11 +273,47 @@ def curves(
     return rows
 
 
+def merge(folder: Path, out: Path) -> None:
+    """Put all runs into ``curves.csv``, and what made them into ``curves.json``."""
+    tables, records = [], []
+    for path in sorted(folder.glob("*/*.csv")):
+        task, side, seed = path.stem.split("-")
+        own = pd.read_csv(path)
+        settings = json.loads(path.with_suffix(".json").read_text())
+        keys = {
+            "task": next(name for name in TASKS if name.lower() == task),
+            "bound": path.parent.name,
+            "side": side,
+            "seed": int(seed),
+        }
+        own.insert(1, "steps", own.batch * settings["batch_steps"])
+        tables.append(pd.DataFrame(keys, index=own.index).join(own))
+        records.append(keys | settings)
+    shared = {
+        name: value
+        for name, value in records[0].items()
+        if all(record.get(name) == value for record in records)
+    }
+    provenance = {
+        "id": "curves",
+        "title": "Learning curves of TRPO, ours and that of sb3-contrib.",
+        "command": "python benchmarks/sb3_learners.py --curves",
+        **shared,
+        "runs": [{k: v for k, v in r.items() if k not in shared} for r in records],
+        "table": "curves.csv",
+    }
+    out.mkdir(parents=True, exist_ok=True)
+    with replacing(out / "curves.csv") as temporary:
+        pd.concat(tables).to_csv(temporary, index=False)
+    with replacing(out / "curves.json") as temporary:
+        temporary.write_text(json.dumps(provenance, indent=1) + "\n")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--json", action="store_true", help="print rows as JSON")
     parser.add_argument("--curves", action="store_true", help="learning curves, not rates (hours)")
-    parser.add_argument("--tasks", nargs="*", default=["Hopper", "HalfCheetah"])
+    parser.add_argument("--tasks", nargs="*", default=list(TASKS))
     parser.add_argument("--batch-steps", type=int, default=50_000)
     parser.add_argument("--curve-batch-steps", type=int, default=10_000)
     parser.add_argument("--iterations", type=int, default=4)
@@ -280,7 +321,8 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--sides", nargs="*", default=list(SIDES), choices=SIDES)
     parser.add_argument("--bounds", nargs="*", default=list(BOUNDS), choices=BOUNDS)
-    parser.add_argument("--out", type=Path, default=Path("results/peers"))
+    parser.add_argument("--runs-in", type=Path, default=Path("_build/runs/peers"))
+    parser.add_argument("--out", type=Path, default=Path("_build/results/peers"))
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     if arguments.curves:
@@ -288,11 +330,12 @@ def main() -> None:
             arguments.tasks,
             arguments.sides,
             arguments.bounds,
-            arguments.out,
+            arguments.runs_in,
             arguments.curve_batch_steps,
             arguments.steps,
             arguments.seeds,
         )
+        merge(arguments.runs_in, arguments.out)
     else:
         rows = rates(arguments.tasks, arguments.batch_steps, arguments.iterations)
     if arguments.json:

@@ -54,9 +54,9 @@ class ValueNetwork:
         self,
         hidden: Sequence[int] = (100, 50, 25),
         *,
-        learning_rate: float = 2e-3,
+        learning_rate: float = 1e-3,
         epochs: int = 10,
-        minibatch: int = 512,
+        minibatch: int = 128,
         seed: int = 0,
     ) -> None:
         for name, value in (
