@@ -34,6 +34,7 @@ from thesis_lib.experiments.evaluation import (
     summarised,
     write,
 )
+from thesis_lib.experiments.trained import TrainedPolicies
 from thesis_lib.experiments.training import (
     TerminalReport,
     TrainConfig,
@@ -204,13 +205,15 @@ class Evaluate:
     """
 
     checkpoint: tyro.conf.Positional[Path]
-    """A checkpoint of ``thesis train``, or the directory it is in."""
+    """A checkpoint of ``thesis train``, the directory it is in, or ``policies.pt`` of a sweep."""
     settings: Annotated[
         EvaluateConfig, tyro.conf.arg(name="", constructor=_unchecked(EvaluateConfig))
     ]
     """Of the test."""
     disturbances: tyro.conf.OmitArgPrefixes[Disturbances]
     """Perturbations in short."""
+    run: str | None = None
+    """Which run of a sweep's ``policies.pt``, such as hopper-flat-gru-0-float32."""
     task: str | None = None
     """Refuse a checkpoint of another task."""
     architecture: str | None = None
@@ -225,7 +228,10 @@ class Evaluate:
     def __call__(self, command: str = "thesis evaluate") -> int:
         """Test it; ``command`` goes into the record."""
         config = _checked(EvaluateConfig, self.settings).disturbed(self.disturbances)
-        trained = Training.load(self.checkpoint)
+        if self.run is None:
+            trained = Training.load(self.checkpoint)
+        else:
+            trained = TrainedPolicies(self.checkpoint).load(self.run)
         self._check(trained.config)
         if self.out is not None:
             writable_directory(self.out)
@@ -277,7 +283,7 @@ class Sweep:
     workers: int = 1
     """Processes, each on one thread; no result depends on their number."""
     out: Path | None = None
-    """Where curves.csv and curves.json go; default _build/results/sweep."""
+    """Where curves.csv, curves.json and policies.pt go; default _build/results/sweep."""
     runs_in: Path | None = None
     """Where the runs' own directories are; default _build/runs/ and the last part of --out."""
 

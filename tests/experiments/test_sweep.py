@@ -113,7 +113,11 @@ def test_what_is_written(tmp_path: Path) -> None:
     assert record["runs"][0]["delta_kl"] == 0.05
     assert record["commit"]
     assert record["versions"]["torch"]
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["curves.csv", "curves.json"]
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+        "curves.csv",
+        "curves.json",
+        "policies.pt",
+    ]
 
 
 def made_up(returns: dict[tuple[int, str, str], list[float]]) -> pd.DataFrame:

@@ -27,6 +27,7 @@ import pandas as pd
 from scipy import stats
 
 from thesis_lib.experiments.base import environment, replacing, writable_directory
+from thesis_lib.experiments.trained import write_policies
 from thesis_lib.experiments.training import (
     CURVE_COLUMNS,
     TASK_NAMES,
@@ -555,7 +556,9 @@ def write(
 ) -> pd.DataFrame:
     """Merge the runs and write ``curves.csv`` with its provenance ``curves.json``.
 
-    With both number types ``precision.csv`` is written too, with variants ``variants.csv``.
+    With both number types ``precision.csv`` is written too, with variants ``variants.csv``,
+    and always ``policies.pt``, the policies as they are now (see
+    :class:`~thesis_lib.experiments.trained.TrainedPolicies`).
 
     Parameters
     ----------
@@ -601,6 +604,8 @@ def write(
             record["compared_columns"] = dict(PAIRED_COLUMNS)
             with replacing(folder / name) as temporary:
                 compared(curves, column).to_csv(temporary, index=False, float_format="%.6g")
+    begun = [(run_name(c), Path(runs) / run_name(c)) for c in configs]
+    write_policies([r for r in begun if (r[1] / "checkpoint.pt").exists()], folder / "policies.pt")
     with replacing(folder / "curves.json") as temporary:
         temporary.write_text(json.dumps(record, indent=1) + "\n")
     return curves

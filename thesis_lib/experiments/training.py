@@ -618,6 +618,11 @@ def read_checkpoint(path: Path | str) -> dict[str, Any]:
         raise ValueError(f"{str(file)!r} is not a checkpoint of `thesis train`.") from error
     if not isinstance(content, dict) or "format" not in content:
         raise ValueError(f"{str(file)!r} is not a checkpoint of `thesis train`.")
+    if "policies" in content:
+        raise ValueError(
+            f"{str(file)!r} holds the policies of a sweep, {', '.join(content['policies'])}: name "
+            "one of them (--run)."
+        )
     if content["format"] != FORMAT:
         raise ValueError(
             f"{str(file)!r} has checkpoint format {content['format']}, but this version of "

@@ -1,0 +1,85 @@
+"""Trained policies come back from the file of a sweep as they were."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from thesis_lib import cli
+from thesis_lib.experiments.evaluation import EvaluateConfig, evaluate
+from thesis_lib.experiments.sweep import Grid, run_name, write
+from thesis_lib.experiments.trained import TrainedPolicies
+from thesis_lib.experiments.training import TrainConfig, Training, train, use_one_thread
+
+BASE = TrainConfig(batch_steps=100, horizon=20, iterations=2)
+NETS = ("ctrnn", "esn", "lstm")
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three runs, one of them with units of its own, and what a sweep writes of them."""
+    use_one_thread()
+    folder = tmp_path_factory.mktemp("swept")
+    configs = Grid(("swimmer",), architectures=NETS, variants=("units=7",)).runs(BASE)
+    for config in configs[1:]:  # the first has not begun
+        train(config, folder / "runs" / run_name(config))
+    write(configs, folder / "runs", folder, command="thesis sweep")
+    return folder
+
+
+def test_policies_are_those_of_the_checkpoints(swept: Path) -> None:
+    found = TrainedPolicies(swept / "policies.pt")
+    assert len(found.names) == 5
+    assert "swimmer-flat-esn-0-float32-units-7" in found.names
+    for name in found.names:
+        kept, run = found.load(name), Training.load(swept / "runs" / name)
+        assert (kept.config, kept.iteration) == (run.config, 2)
+        for (key, have), want in zip(
+            kept.policy.state_dict().items(), run.policy.state_dict().values(), strict=True
+        ):
+            assert torch.equal(have, want), (name, key)
+        untrained = Training(run.config).policy.parameter_vector()
+        assert not torch.equal(kept.policy.parameter_vector(), untrained)
+
+
+def test_the_command_tests_one_of_them(swept: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    name = "swimmer-flat-lstm-0-float32"
+    command = ["evaluate", str(swept / "policies.pt"), "--run", name, "--runs", "2"]
+    assert cli.main([*command, "--steps", "15"]) == 0
+    expected = evaluate(swept / "runs" / name, EvaluateConfig(runs=2, steps=15))
+    assert f"{np.mean(expected['return']):.5g}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["policies.pt"], "holds the policies of a sweep, swimmer-flat-ctrnn-0-float32-units-7,"),
+        (["policies.pt", "--run", "ant"], "run 'ant' is not in"),
+        (["nothing.pt", "--run", "ant"], "there is no file of policies at"),
+        (["curves.csv", "--run", "ant"], "is not a file of policies of `thesis sweep`"),
+    ],
+)
+def test_bad_input_is_one_sentence(
+    arguments: list[str], message: str, swept: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["evaluate", str(swept / arguments[0]), *arguments[1:]]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_other_versions_are_refused(swept: Path, tmp_path: Path) -> None:
+    content = torch.load(swept / "policies.pt", weights_only=True)
+    path = tmp_path / "policies.pt"
+    torch.save(content | {"format": 0}, path)
+    with pytest.raises(ValueError, match="has format 0, but this version"):
+        TrainedPolicies(path)
+    kept = content["policies"]["swimmer-flat-lstm-0-float32"]
+    for broken in (
+        {"config": kept["config"] | {"wings": 2}},
+        {"config": kept["config"] | {"units": 3}},
+    ):
+        torch.save({"format": 1, "policies": {"bird": kept | broken}}, path)
+        with pytest.raises(ValueError, match=r"'bird' .* does not fit this version"):
+            TrainedPolicies(path).load("bird")
