@@ -6,7 +6,8 @@ for an update, one thread each.
 - DFFWD: our TRPO against ``sb3_contrib.TRPO``: samples a second of processor time end to end, or
   with ``--curves`` the returns over ``--steps`` steps and ``--seeds`` seeds.  Each run's curve is a
   file in ``--runs-in``, and what is there is not run again; ``--out`` gets them in one table.
-- LSTM: our TRPO against ``sb3_contrib.RecurrentPPO``: samples a second.
+- LSTM: our TRPO against ``sb3_contrib.RecurrentPPO``: samples a second, of the peer with its
+  default minibatch of 128 steps, and with one as long as a world's part of the batch.
 
 The peer keeps its own settings wherever the comparison does not need ours (value network, GAE,
 damping, learning rates); the step size and the batch are ours.  For the curves ours takes the
@@ -97,7 +98,12 @@ def action_dimensions(task: str) -> int:
 
 
 def peer(
-    kind: str, task: str, seed: int, batch: int, target_kl: float | None = None
+    kind: str,
+    task: str,
+    seed: int,
+    batch: int,
+    target_kl: float | None = None,
+    minibatch: int | None = None,
 ) -> BaseAlgorithm:
     vector = environments(task, seed)
     per_world = batch // ENVIRONMENTS
@@ -118,7 +124,7 @@ def peer(
         "MlpLstmPolicy",
         vector,
         n_steps=per_world,
-        batch_size=per_world,
+        batch_size=minibatch or per_world,
         seed=seed,
         device="cpu",
         policy_kwargs={"lstm_hidden_size": units.hidden_size, "net_arch": [], **TANH},
@@ -139,8 +145,10 @@ def ours_rate(kind: str, task: str, batch: int, iterations: int) -> float:
     return float(np.diff(curve.steps).sum() + batch) / seconds
 
 
-def peer_rate(kind: str, task: str, batch: int, iterations: int) -> float:
-    model = peer(kind, task, 0, batch)
+def peer_rate(
+    kind: str, task: str, batch: int, iterations: int, minibatch: int | None = None
+) -> float:
+    model = peer(kind, task, 0, batch, minibatch=minibatch)
     model.learn(batch)
     start = time.process_time()
     model.learn((iterations - 1) * batch, reset_num_timesteps=False)
@@ -150,9 +158,13 @@ def peer_rate(kind: str, task: str, batch: int, iterations: int) -> float:
 def rates(tasks: list[str], batch: int, iterations: int) -> list[dict[str, Any]]:
     rows = []
     for task in tasks:
-        for kind, name in (("dffwd", "TRPO, DFFWD"), ("lstm", "LSTM, TRPO against RecurrentPPO")):
+        for kind, name, minibatch in (
+            ("dffwd", "TRPO, DFFWD", None),
+            ("lstm", "LSTM, TRPO against RecurrentPPO, minibatch 128", 128),
+            ("lstm", "LSTM, TRPO against RecurrentPPO, longest", None),
+        ):
             mine = ours_rate(kind, task, batch, iterations)
-            theirs = peer_rate(kind, task, batch, iterations)
+            theirs = peer_rate(kind, task, batch, iterations, minibatch)
             rows.append(
                 {
                     "name": f"{name}, {task}",
@@ -343,7 +355,7 @@ def main() -> None:
         return
     for row in rows:
         print(
-            f"{row['name']:46} ours {row['ours']:9.1f}  peer {row['peer']:9.1f}  "
+            f"{row['name']:60} ours {row['ours']:9.1f}  peer {row['peer']:9.1f}  "
             f"ratio {row['ratio']:5.2f}  {row['unit']}"
         )
         if "test" in row:
