@@ -1,10 +1,12 @@
 """The neural baseline, and what a baseline may be fitted to."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from torch import nn
 
 from thesis_lib.optimisation import (
     VPG,
@@ -15,6 +17,7 @@ from thesis_lib.optimisation import (
     ValueNetwork,
     collect,
 )
+from thesis_lib.optimisation.value_network import set_gradient
 from thesis_lib.policies import make_policy
 
 torch.set_num_threads(1)
@@ -41,6 +44,26 @@ def test_it_finds_a_value_the_linear_baseline_cannot() -> None:
     # the best line through sin(4x) on [-1, 1] leaves more than half of the wave
     assert error(LinearBaseline(), 1) > 0.4
     assert error(network, 60) < 0.1
+
+
+@pytest.mark.parametrize("hidden", [(), (4,), (7, 5, 3)])
+def test_its_gradient_is_that_of_automatic_differentiation(hidden: tuple[int, ...]) -> None:
+    widths = [3, *hidden, 1]
+    layers = [nn.Linear(i, o, dtype=torch.float64) for i, o in pairwise(widths)]
+    generator = torch.Generator().manual_seed(0)
+    x = torch.randn((11, 3), generator=generator, dtype=torch.float64)
+    target = torch.randn(11, generator=generator, dtype=torch.float64)
+    parameters = [p for layer in layers for p in layer.parameters()]
+    h = x
+    for layer in layers[:-1]:
+        h = torch.tanh(layer(h))
+    loss = (layers[-1](h)[:, 0] - target).square().mean()
+    expected = torch.autograd.grad(loss, parameters)
+    for p in parameters:
+        p.grad = torch.full_like(p, np.nan)
+    set_gradient(layers, x, target)
+    for p, gradient in zip(parameters, expected, strict=True):
+        torch.testing.assert_close(p.grad, gradient, rtol=1e-12, atol=1e-14)
 
 
 def test_it_goes_on_from_where_it_was() -> None:
