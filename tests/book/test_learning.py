@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from thesis_lib.book import learning
+from thesis_lib.experiments.training import TrainConfig, step_size
 
 
 def curves(gain: float = 50.0) -> pd.DataFrame:
@@ -94,3 +95,66 @@ def test_step_sizes_are_the_printed_ones() -> None:
     table = learning.delta_table().set_index("task")
     assert table.CTRNN["HalfCheetah"] == "0.5"
     assert table.LSTM["Ant"] == "**0.05**"
+    assert table.LSTM["Swimmer"] == "**0.1**"  # Duan et al., section 5
+    for task in table.index:
+        used = step_size(TrainConfig(task=task, architecture="dffwd"))
+        assert float(table.DFFWD[task].strip("*")) == used
+
+
+def peers() -> pd.DataFrame:
+    """Curves of three learners on one task, twelve batches, three seeds."""
+    generator = np.random.default_rng(0)
+    rows = [
+        ("Hopper", "nats", side, seed, batch, 1000 * batch, level + generator.normal())
+        for side, level in (("ours", 30.0), ("linear", 10.0), ("peer", 20.0))
+        for seed in range(3)
+        for batch in range(1, 13)
+    ]
+    columns = ["task", "bound", "side", "seed", "batch", "steps", "mean_return"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def test_another_library_is_compared_by_welch() -> None:
+    table = peers()
+    found = learning.peers_compared(table, last=2)
+    for part, first in (("end", 11), ("curve", 1)):
+        runs = table[table.batch >= first].groupby(["side", "seed"]).mean_return.mean()
+        for side in ("ours", "linear"):
+            row = found.loc["Hopper", "nats", side, part]
+            test = stats.ttest_ind(runs[side], runs["peer"], equal_var=False)
+            interval = test.confidence_interval()
+            assert row.n == 3
+            assert row.difference == pytest.approx(runs[side].mean() - runs["peer"].mean())
+            assert row.p == pytest.approx(test.pvalue)
+            assert (row.low, row.high) == pytest.approx((interval.low, interval.high))
+    shown = learning.peers_table(table)
+    assert len(shown) == 2  # the neural baseline, at the end and over the curve
+    assert shown["difference (95%)"].str.startswith("1").all()
+
+
+def test_figures_of_comparisons_draw_every_learner_and_setting() -> None:
+    figure = learning.peers_figure(
+        pd.concat([peers(), peers().assign(bound="dimension")], ignore_index=True)
+    )
+    assert [len(ax.lines) for ax in figure.axes] == [3, 3]
+    compared = pd.DataFrame(
+        {
+            "task": ["Hopper", "Ant"],
+            "architecture": ["gru", "esn"],
+            "changed": ["trace=0.9", "leak=1.0"],
+            "mean_reference": [50.0, -20.0],
+            "difference": [10.0, 5.0],
+            "low": [5.0, -5.0],
+            "high": [15.0, 15.0],
+            "p_holm": [0.01, 0.3],
+        }
+    )
+    ax = learning.options_figure(compared).axes[0]
+    dots = [line for line in ax.lines if line.get_marker() == "o"]
+    assert [float(dot.get_xdata()[0]) for dot in dots] == [20.0, 25.0]  # per cent, of the size
+    assert [dot.get_markerfacecolor() == "white" for dot in dots] == [False, True]
+    assert [t.get_text() for t in ax.get_yticklabels()] == [
+        "GRU, Hopper: trace=0.9",
+        "ESN, Ant: leak=1.0",
+    ]
+    plt.close("all")

@@ -328,6 +328,77 @@ def gain_table(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(records)
 
 
+STAGES = {"before": (COLOURS[5], "--"), "after": (COLOURS[1], "-")}
+"""Colour and line of networks before and after training."""
+
+
+def trained_gains(table: pd.DataFrame) -> Figure:
+    """Gain over frequency, over that at the lowest frequencies, before and after training.
+
+    Lines are geometric means over networks, and bands go from the least to the largest.
+    """
+    fig, axes, spare = _panels(table.net.unique(), 5.6)
+    for ax, (_, own) in zip(axes, table.groupby("net", sort=False), strict=True):
+        for stage, (colour, style) in STAGES.items():
+            wide = own[own.stage == stage].pivot(index="frequency", columns="seed", values="gain")
+            wide /= wide[wide.index < 0.5].mean()
+            bins = np.unique(np.geomspace(1, len(wide), 40).astype(int) - 1)
+            parts = np.split(np.arange(len(wide)), bins[1:])
+            logs = np.log(np.array([wide.iloc[p].mean() for p in parts]))
+            x = [wide.index[p].to_numpy().mean() for p in parts]
+            ax.loglog(x, np.exp(logs.mean(axis=1)), style, color=colour, lw=1.4)
+            low, high = np.exp(logs.min(axis=1)), np.exp(logs.max(axis=1))
+            ax.fill_between(x, low, high, color=colour, alpha=0.2, lw=0)
+    axes[0].set(ylim=(1e-2, 30), xlim=(table.frequency.min(), table.frequency.max()))
+    for stage, (colour, style) in STAGES.items():
+        spare.plot([], ls=style, color=colour, label=f"{stage} training")
+    spare.legend(loc="center", fontsize=9)
+    fig.supxlabel("frequency [Hz]", fontsize=11)
+    fig.supylabel("gain / gain below 0.5 Hz", fontsize=11)
+    return fig
+
+
+def trained_table(table: pd.DataFrame) -> pd.DataFrame:
+    """What :func:`gain_table` shows, before and after training: mean and range over networks."""
+    records = []
+    for net, own in table.groupby("net", sort=False):
+        row: dict[str, object] = {"network": net}
+        ends = [gain_shares(own[own.stage == stage]) for stage in STAGES]
+        for name, before, after in zip(
+            ("about 2 Hz", "above 10 Hz", "noise / gait"), *ends, strict=True
+        ):
+            found = _range(after.min(), after.max(), 2)
+            row[name] = f"{before.mean():.2f} → {after.mean():.2f} ({found})"
+        records.append(row)
+    return pd.DataFrame(records)
+
+
+def learned_time_constants(table: pd.DataFrame, dt: float) -> Figure:
+    """Share of units with a time constant below x, a line a network, by the initial value.
+
+    Parameters
+    ----------
+    table
+        Columns ``initial``, ``learned`` and ``seed``.
+    dt
+        The control step, below which the clamp lets none go.
+    """
+    starts = sorted(table.initial.unique(), reverse=True)
+    fig, axes = plt.subplots(1, len(starts), figsize=(7.2, 2.9), sharey=True, squeeze=False)
+    for ax, start in zip(axes.flat, starts, strict=True):
+        for _, own in table[table.initial == start].groupby("seed"):
+            ordered = np.sort(own.learned)
+            share = np.arange(1, len(ordered) + 1) / len(ordered)
+            ax.step(ordered, share, where="post", color=COLOURS[0], lw=1.0)
+        ax.axvline(start, color=PRINTED, ls="--", lw=1, label="before training")
+        ax.axvline(dt, color=COLOURS[1], ls=":", lw=1.2, label="control step")
+        ax.set(xscale="log", xlabel=r"time constant $\tau$ [s]")
+        ax.set_title(f"starting at {start:g} s", fontsize=10)
+    axes[0, 0].set_ylabel("share of units")
+    axes[0, 0].legend(fontsize=8.5)
+    return fig
+
+
 def _range(low: float, high: float, places: int) -> str:
     """Two numbers with a dash that no line ends at."""
     return f"{low:.{places}f}\N{WORD JOINER}–\N{WORD JOINER}{high:.{places}f}"

@@ -5,12 +5,14 @@ from __future__ import annotations
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import stats
 
 from thesis_lib.book.architectures import NETWORKS
 from thesis_lib.book.style import COLOURS, PRINTED
-from thesis_lib.experiments.training import OUR_DELTA, table_5_1
+from thesis_lib.experiments.sweep import DEFAULT, parse_variant
+from thesis_lib.experiments.training import TrainConfig, step_size, table_5_1
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.stats import Summary, holm, mean_ci, welch
 
@@ -167,27 +169,66 @@ def improvement(curves: pd.DataFrame, last: int = 5) -> pd.DataFrame:
     return made.set_index(["task", "architecture"])
 
 
+def first_and_last(curves: pd.DataFrame, last: int = 5) -> pd.DataFrame:
+    """Return of the first batch and of the last ones by bound on the divergence.
+
+    Parameters
+    ----------
+    curves
+        Several seeds of one network on one task with variants of ``delta_kl``.
+    last
+        Batches at the end that are averaged.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row a bound, the largest first: the bound, the number of runs, mean returns with the
+        half-width of their 95% Student interval, and in how many runs the end is above the
+        start.
+    """
+    records = []
+    for name, own in curves.groupby("variant"):
+        wide = own.pivot(index="iteration", columns="seed", values="mean_return")
+        start, end = wide.iloc[0], wide.iloc[-last:].mean()
+        run = own.iloc[0]
+        plain = step_size(TrainConfig(task=run.task, architecture=run.architecture))
+        delta = plain if name == DEFAULT else float(parse_variant(str(name))["delta_kl"])
+        row: dict[str, object] = {"bound [nat]": delta, "runs": len(end)}
+        for part, values in (("first batch", start), (f"last {last}", end)):
+            found = mean_ci(values)
+            row[part] = f"{found.mean:.1f} ± {found.half_width:.1f}".replace("-", "−")
+        row["gained"] = f"{int((end > start).sum())} of {len(end)}"
+        records.append(row)
+    return pd.DataFrame(records).sort_values("bound [nat]", ascending=False, ignore_index=True)
+
+
 def delta_table() -> pd.DataFrame:
-    """Step sizes of table 5.1, tasks by networks, with ours in bold where it has none."""
+    """Step sizes of table 5.1, tasks by networks, with those used where it has none in bold."""
     records = []
     for task in ROBOTS:
         row: dict[str, object] = {"task": task}
         for net in ("ctrnn", "dtrnn", "gru", "esn", "lstm", "ffwd", "dffwd"):
             printed = table_5_1(task, net, "delta_kl")
-            row[NETWORKS[net]] = f"**{OUR_DELTA:g}**" if printed is None else f"{printed:g}"
+            used = step_size(TrainConfig(task=task, architecture=net))
+            row[NETWORKS[net]] = f"**{used:g}**" if printed is None else f"{used:g}"
         records.append(row)
     return pd.DataFrame(records)
+
+
+def _band(ax: Axes, curves: pd.DataFrame, iteration: str, colour: str, label: str) -> None:
+    """Mean of the seeds' curves with its 95% Student interval."""
+    by = curves.groupby(iteration)
+    steps, mean = by.steps.mean() / 1000, by.mean_return.mean()
+    half = by.mean_return.sem() * stats.t.ppf(0.975, by.mean_return.count() - 1)
+    ax.plot(steps, mean, color=colour, label=label, lw=1.4)
+    ax.fill_between(steps, mean - half, mean + half, color=colour, alpha=0.2, lw=0)
 
 
 def precision_figure(curves: pd.DataFrame) -> Figure:
     """Mean learning curves with 95% bands by number type of the network."""
     fig, ax = plt.subplots(figsize=(7.2, 3.3))
     for (name, own), colour in zip(curves.groupby("precision"), COLOURS, strict=False):
-        by = own.groupby("iteration")
-        steps, mean = by.steps.mean() / 1000, by.mean_return.mean()
-        half = by.mean_return.sem() * stats.t.ppf(0.975, by.mean_return.count() - 1)
-        ax.plot(steps, mean, color=colour, label=str(name))
-        ax.fill_between(steps, mean - half, mean + half, color=colour, alpha=0.2, lw=0)
+        _band(ax, own, "iteration", colour, str(name))
     ax.set(xlabel="thousands of control steps", ylabel="mean return of an episode")
     ax.legend()
     return fig
@@ -223,3 +264,128 @@ def precision_compared(curves: pd.DataFrame, margin: float = 0.1) -> dict[str, f
         "p_equivalence": float(stats.t.sf((bound - abs(gap.mean)) / scale, gap.n - 1)),
         "margin": bound,
     }
+
+
+SIDES = {
+    "ours": ("ours, neural baseline", COLOURS[0]),
+    "linear": ("ours, linear baseline", COLOURS[5]),
+    "peer": ("sb3-contrib", COLOURS[1]),
+}
+"""Name and colour of the learners that are compared."""
+
+BOUNDS = {"nats": "$\\delta_{KL} = .05$", "dimension": "$\\delta_{KL} = .05\\,A$"}
+"""How the bound on the divergence of an update is read."""
+
+
+def peers_figure(curves: pd.DataFrame) -> Figure:
+    """Learning curves of ours and of another library: a row a bound, a column a task.
+
+    Parameters
+    ----------
+    curves
+        Columns ``task``, ``bound``, ``side``, ``seed``, ``batch``, ``steps``, ``mean_return``.
+    """
+    tasks = [task for task in ROBOTS if task in set(curves.task)]
+    fig, axes = plt.subplots(
+        len(BOUNDS), len(tasks), figsize=(7.2, 5.0), sharex=True, sharey="col", squeeze=False
+    )
+    for line, (bound, reading) in zip(axes, BOUNDS.items(), strict=True):
+        for ax, task in zip(line, tasks, strict=True):
+            own = curves[(curves.task == task) & (curves.bound == bound)]
+            for side, (label, colour) in SIDES.items():
+                _band(ax, own[own.side == side], "batch", colour, label)
+            ax.set_title(f"{task}, {reading}", fontsize=10)
+    axes[0, 0].legend(fontsize=8.5)
+    fig.supxlabel("thousands of control steps", fontsize=11)
+    fig.supylabel("mean return of an episode", fontsize=11)
+    return fig
+
+
+def peers_compared(curves: pd.DataFrame, last: int = 10) -> pd.DataFrame:
+    """Return of ours and of another library at the end and averaged over the whole curve.
+
+    Parameters
+    ----------
+    curves
+        See :func:`peers_figure`.
+    last
+        Batches at the end that are averaged.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Indexed by ``task``, ``bound``, ``side`` and ``part`` (``end`` or ``curve``); columns
+        ``n`` seeds of each, mean return ``ours`` and ``peer``, their ``difference`` with ``low``
+        and ``high`` of its 95% Welch interval, and ``p`` of Welch's test.
+    """
+    records = []
+    for (task, bound), own in curves.groupby(["task", "bound"], sort=False):
+        wide = own.pivot(index="batch", columns=["side", "seed"], values="mean_return")
+        for part, rows in (("end", wide.iloc[-last:]), ("curve", wide)):
+            mean = rows.mean()
+            for side in ("ours", "linear"):
+                mine, theirs = mean[side], mean["peer"]
+                test = welch(mine, theirs)
+                records.append(
+                    {
+                        "task": task,
+                        "bound": bound,
+                        "side": side,
+                        "part": part,
+                        "n": len(mine),
+                        "ours": mine.mean(),
+                        "peer": theirs.mean(),
+                        "difference": test.difference,
+                        "low": test.low,
+                        "high": test.high,
+                        "p": test.p_value,
+                    }
+                )
+    return pd.DataFrame(records).set_index(["task", "bound", "side", "part"])
+
+
+def peers_table(curves: pd.DataFrame) -> pd.DataFrame:
+    """The comparison of :func:`peers_compared` with equal baselines, for reading."""
+    found = peers_compared(curves).xs("ours", level="side").reset_index()
+    parts = {"end": "last tenth", "curve": "whole curve"}
+    cells = {
+        "task": found.task,
+        "bound": found.bound.map(BOUNDS),
+        "mean return over": found.part.map(parts),
+        "ours": found.ours.map("{:.0f}".format),
+        "sb3-contrib": found.peer.map("{:.0f}".format),
+        "difference (95%)": [
+            f"{d:.0f} ({low:.0f} to {high:.0f})".replace("-", "−")
+            for d, low, high in zip(found.difference, found.low, found.high, strict=True)
+        ],
+        "p": found.p.map("{:.2g}".format),
+    }
+    return pd.DataFrame(cells)
+
+
+def options_figure(compared: pd.DataFrame, margin: float = 0.1) -> Figure:
+    """What changing a setting does to the return, as a share of the default's: a row a setting.
+
+    Parameters
+    ----------
+    compared
+        Columns ``task``, ``architecture``, ``changed``, ``mean_reference``, ``difference``,
+        ``low``, ``high`` and ``p_holm``, as ``thesis sweep`` writes them to ``variants.csv``.
+    margin
+        Share within which a difference counts as none.
+    """
+    fig, ax = plt.subplots(figsize=(7.2, 1.2 + 0.27 * len(compared)))
+    ax.axvspan(-100 * margin, 100 * margin, color="#e6e6e6", lw=0)
+    ax.axvline(0, color=PRINTED, lw=1)
+    names = []
+    for place, row in enumerate(compared.itertuples()):
+        share = 100 / abs(row.mean_reference)
+        colour = STYLES[row.architecture][0]
+        ax.plot([share * row.low, share * row.high], [place, place], color=colour, lw=1.4)
+        sure = row.p_holm < 0.05
+        ax.plot(share * row.difference, place, "o", color=colour, mfc=colour if sure else "white")
+        names.append(f"{NETWORKS[row.architecture]}, {row.task}: {row.changed}")
+    ax.set_yticks(range(len(names)), names, fontsize=8.5)
+    ax.set(ylim=(len(names) - 0.5, -0.5), xlabel="difference in return [% of the default's]")
+    ax.grid(axis="y", visible=False)
+    return fig
