@@ -29,6 +29,7 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -131,7 +132,9 @@ def peer(
     )
 
 
-def ours_rate(kind: str, task: str, batch: int, iterations: int) -> float:
+def ours_rate(
+    kind: str, task: str, batch: int, iterations: int, settings: Mapping[str, Any]
+) -> float:
     config = TrainConfig(
         task=task,
         architecture=kind,
@@ -139,6 +142,7 @@ def ours_rate(kind: str, task: str, batch: int, iterations: int) -> float:
         batch_steps=batch,
         iterations=iterations,
         features="full",
+        **settings,
     )
     curve = train(config).curve.iloc[1:]  # the first iteration warms up
     seconds = curve.sampling_seconds.sum() + curve.update_seconds.sum()
@@ -158,12 +162,13 @@ def peer_rate(
 def rates(tasks: list[str], batch: int, iterations: int) -> list[dict[str, Any]]:
     rows = []
     for task in tasks:
-        for kind, name, minibatch in (
-            ("dffwd", "TRPO, DFFWD", None),
-            ("lstm", "LSTM, TRPO against RecurrentPPO, minibatch 128", 128),
-            ("lstm", "LSTM, TRPO against RecurrentPPO, longest", None),
+        for name, kind, settings, minibatch in (
+            ("TRPO, DFFWD", "dffwd", {}, None),
+            ("TRPO, DFFWD, the peer's settings", "dffwd", LIKE_THE_PEER, None),
+            ("LSTM, TRPO against RecurrentPPO, minibatch 128", "lstm", {}, 128),
+            ("LSTM, TRPO against RecurrentPPO, longest", "lstm", {}, None),
         ):
-            mine = ours_rate(kind, task, batch, iterations)
+            mine = ours_rate(kind, task, batch, iterations, settings)
             theirs = peer_rate(kind, task, batch, iterations, minibatch)
             rows.append(
                 {
