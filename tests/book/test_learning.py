@@ -102,11 +102,17 @@ def test_step_sizes_are_the_printed_ones() -> None:
 
 
 def peers() -> pd.DataFrame:
-    """Curves of three learners on one task, twelve batches, three seeds."""
+    """Curves of four learners on one task, twelve batches, three seeds."""
     generator = np.random.default_rng(0)
+    levels = {
+        ("ours", "dimension"): 30.0,
+        ("linear", "dimension"): 10.0,
+        ("ours", "nats"): 15.0,
+        ("peer", "dimension"): 20.0,
+    }
     rows = [
-        ("Hopper", "nats", side, seed, batch, 1000 * batch, level + generator.normal())
-        for side, level in (("ours", 30.0), ("linear", 10.0), ("peer", 20.0))
+        ("Hopper", bound, side, seed, batch, 1000 * batch, level + generator.normal())
+        for (side, bound), level in levels.items()
         for seed in range(3)
         for batch in range(1, 13)
     ]
@@ -118,25 +124,26 @@ def test_another_library_is_compared_by_welch() -> None:
     table = peers()
     found = learning.peers_compared(table, last=2)
     for part, first in (("end", 11), ("curve", 1)):
-        runs = table[table.batch >= first].groupby(["side", "seed"]).mean_return.mean()
-        for side in ("ours", "linear"):
-            row = found.loc["Hopper", "nats", side, part]
-            test = stats.ttest_ind(runs[side], runs["peer"], equal_var=False)
+        chosen = table[table.batch >= first]
+        runs = chosen.groupby(["side", "bound", "seed"]).mean_return.mean()
+        theirs = runs["peer", "dimension"]
+        for side, bound in (("ours", "dimension"), ("linear", "dimension"), ("ours", "nats")):
+            row = found.loc["Hopper", side, bound, part]
+            mine = runs[side, bound]
+            test = stats.ttest_ind(mine, theirs, equal_var=False)
             interval = test.confidence_interval()
             assert row.n == 3
-            assert row.difference == pytest.approx(runs[side].mean() - runs["peer"].mean())
+            assert row.difference == pytest.approx(mine.mean() - theirs.mean())
             assert row.p == pytest.approx(test.pvalue)
             assert (row.low, row.high) == pytest.approx((interval.low, interval.high))
     shown = learning.peers_table(table)
-    assert len(shown) == 2  # the neural baseline, at the end and over the curve
-    assert shown["difference (95%)"].str.startswith("1").all()
+    assert len(shown) == 6  # three learners of ours, at the end and over the curve
+    assert shown["difference (95%)"].str.startswith("−").sum() == 4
 
 
 def test_figures_of_comparisons_draw_every_learner_and_setting() -> None:
-    figure = learning.peers_figure(
-        pd.concat([peers(), peers().assign(bound="dimension")], ignore_index=True)
-    )
-    assert [len(ax.lines) for ax in figure.axes] == [3, 3]
+    figure = learning.peers_figure(peers())
+    assert [len(ax.lines) for ax in figure.axes] == [4]
     compared = pd.DataFrame(
         {
             "task": ["Hopper", "Ant"],

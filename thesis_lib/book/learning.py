@@ -215,12 +215,14 @@ def delta_table() -> pd.DataFrame:
     return pd.DataFrame(records)
 
 
-def _band(ax: Axes, curves: pd.DataFrame, iteration: str, colour: str, label: str) -> None:
+def _band(
+    ax: Axes, curves: pd.DataFrame, iteration: str, colour: str, label: str, style: str = "-"
+) -> None:
     """Mean of the seeds' curves with its 95% Student interval."""
     by = curves.groupby(iteration)
     steps, mean = by.steps.mean() / 1000, by.mean_return.mean()
     half = by.mean_return.sem() * stats.t.ppf(0.975, by.mean_return.count() - 1)
-    ax.plot(steps, mean, color=colour, label=label, lw=1.4)
+    ax.plot(steps, mean, style, color=colour, label=label, lw=1.4)
     ax.fill_between(steps, mean - half, mean + half, color=colour, alpha=0.2, lw=0)
 
 
@@ -266,19 +268,17 @@ def precision_compared(curves: pd.DataFrame, margin: float = 0.1) -> dict[str, f
     }
 
 
-SIDES = {
-    "ours": ("ours, neural baseline", COLOURS[0]),
-    "linear": ("ours, linear baseline", COLOURS[5]),
-    "peer": ("sb3-contrib", COLOURS[1]),
+LEARNERS = {
+    ("peer", "dimension"): ("sb3-contrib", COLOURS[1], "-"),
+    ("ours", "dimension"): ("ours", COLOURS[0], "-"),
+    ("linear", "dimension"): ("ours, linear baseline", COLOURS[5], "-"),
+    ("ours", "nats"): (r"ours, $\delta_{KL} = .05$", COLOURS[0], ":"),
 }
-"""Name and colour of the learners that are compared."""
-
-BOUNDS = {"nats": "$\\delta_{KL} = .05$", "dimension": "$\\delta_{KL} = .05\\,A$"}
-"""How the bound on the divergence of an update is read."""
+"""Name, colour and line of the learners compared, by baseline and bound on the divergence."""
 
 
 def peers_figure(curves: pd.DataFrame) -> Figure:
-    """Learning curves of ours and of another library: a row a bound, a column a task.
+    """Learning curves of ours and of another library, a panel a task.
 
     Parameters
     ----------
@@ -286,23 +286,21 @@ def peers_figure(curves: pd.DataFrame) -> Figure:
         Columns ``task``, ``bound``, ``side``, ``seed``, ``batch``, ``steps``, ``mean_return``.
     """
     tasks = [task for task in ROBOTS if task in set(curves.task)]
-    fig, axes = plt.subplots(
-        len(BOUNDS), len(tasks), figsize=(7.2, 5.0), sharex=True, sharey="col", squeeze=False
-    )
-    for line, (bound, reading) in zip(axes, BOUNDS.items(), strict=True):
-        for ax, task in zip(line, tasks, strict=True):
-            own = curves[(curves.task == task) & (curves.bound == bound)]
-            for side, (label, colour) in SIDES.items():
-                _band(ax, own[own.side == side], "batch", colour, label)
-            ax.set_title(f"{task}, {reading}", fontsize=10)
+    fig, axes = plt.subplots(1, len(tasks), figsize=(7.2, 3.5), squeeze=False)
+    for ax, task in zip(axes.flat, tasks, strict=True):
+        own = curves[curves.task == task]
+        for (side, bound), (label, colour, style) in LEARNERS.items():
+            one = own[(own.side == side) & (own.bound == bound)]
+            _band(ax, one, "batch", colour, label, style)
+        ax.set_title(task, fontsize=10)
     axes[0, 0].legend(fontsize=8.5)
+    axes[0, 0].set_ylabel("mean return of an episode")
     fig.supxlabel("thousands of control steps", fontsize=11)
-    fig.supylabel("mean return of an episode", fontsize=11)
     return fig
 
 
 def peers_compared(curves: pd.DataFrame, last: int = 10) -> pd.DataFrame:
-    """Return of ours and of another library at the end and averaged over the whole curve.
+    """Return of our learners and of another library, at the end and over the whole curve.
 
     Parameters
     ----------
@@ -314,45 +312,44 @@ def peers_compared(curves: pd.DataFrame, last: int = 10) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        Indexed by ``task``, ``bound``, ``side`` and ``part`` (``end`` or ``curve``); columns
+        Indexed by ``task``, ``side``, ``bound`` and ``part`` (``end`` or ``curve``); columns
         ``n`` seeds of each, mean return ``ours`` and ``peer``, their ``difference`` with ``low``
         and ``high`` of its 95% Welch interval, and ``p`` of Welch's test.
     """
     records = []
-    for (task, bound), own in curves.groupby(["task", "bound"], sort=False):
-        wide = own.pivot(index="batch", columns=["side", "seed"], values="mean_return")
+    for task, own in curves.groupby("task", sort=False):
+        wide = own.pivot(index="batch", columns=["side", "bound", "seed"], values="mean_return")
         for part, rows in (("end", wide.iloc[-last:]), ("curve", wide)):
-            mean = rows.mean()
-            for side in ("ours", "linear"):
-                mine, theirs = mean[side], mean["peer"]
+            mean = rows.mean().sort_index()
+            theirs = mean["peer", "dimension"]
+            for side, bound in LEARNERS:
+                if side == "peer":
+                    continue
+                mine = mean[side, bound]
                 test = welch(mine, theirs)
-                records.append(
-                    {
-                        "task": task,
-                        "bound": bound,
-                        "side": side,
-                        "part": part,
-                        "n": len(mine),
-                        "ours": mine.mean(),
-                        "peer": theirs.mean(),
-                        "difference": test.difference,
-                        "low": test.low,
-                        "high": test.high,
-                        "p": test.p_value,
-                    }
-                )
-    return pd.DataFrame(records).set_index(["task", "bound", "side", "part"])
+                keys = {"task": task, "side": side, "bound": bound, "part": part}
+                found = {
+                    "n": len(mine),
+                    "ours": mine.mean(),
+                    "peer": theirs.mean(),
+                    "difference": test.difference,
+                    "low": test.low,
+                    "high": test.high,
+                    "p": test.p_value,
+                }
+                records.append(keys | found)
+    return pd.DataFrame(records).set_index(["task", "side", "bound", "part"])
 
 
 def peers_table(curves: pd.DataFrame) -> pd.DataFrame:
-    """The comparison of :func:`peers_compared` with equal baselines, for reading."""
-    found = peers_compared(curves).xs("ours", level="side").reset_index()
+    """The comparison of :func:`peers_compared`, for reading."""
+    found = peers_compared(curves).reset_index()
     parts = {"end": "last tenth", "curve": "whole curve"}
     cells = {
         "task": found.task,
-        "bound": found.bound.map(BOUNDS),
-        "mean return over": found.part.map(parts),
-        "ours": found.ours.map("{:.0f}".format),
+        "learner": [LEARNERS[key][0] for key in zip(found.side, found.bound, strict=True)],
+        "return over": found.part.map(parts),
+        "its mean": found.ours.map("{:.0f}".format),
         "sb3-contrib": found.peer.map("{:.0f}".format),
         "difference (95%)": [
             f"{d:.0f} ({low:.0f} to {high:.0f})".replace("-", "−")
