@@ -11,7 +11,7 @@ from thesis_lib.claims import Claim, Verdict
 from thesis_lib.claims.chapter5 import CLAIMS
 from thesis_lib.experiments.chapter5 import sizes
 from thesis_lib.experiments.chapter5.architectures import SECTION_5_2_GAIN, GainConfig
-from thesis_lib.experiments.chapter5.live import SECTION_5_5_1_LIVE, LiveConfig
+from thesis_lib.experiments.chapter5.live import SECTION_5_5_1_LIVE, LiveConfig, trained
 from thesis_lib.experiments.chapter5.memory import (
     OPEN_GATE,
     SECTION_5_2_3_MEMORY,
@@ -170,19 +170,38 @@ def test_gradient_claim_on_both_sides() -> None:
 
 
 @pytest.mark.parametrize(
-    ("below", "at", "verdict"),
+    ("euler", "heun", "verdict"),
     [
-        (1.2, 0.9, Verdict.REPRODUCED),
-        (1.2, 1.2, Verdict.DIRECTION),
-        (0.9, 0.9, Verdict.REFUTED),
+        ((1.2, 0.9), (1.2, 0.9), Verdict.REPRODUCED),
+        ((1.2, 1.2), (1.2, 0.9), Verdict.DIRECTION),  # pooled, half of them: it was hidden
+        ((1.2, 0.9), (0.9, 0.9), Verdict.REFUTED),
     ],
 )
-def test_instability_claim(below: float, at: float, verdict: Verdict) -> None:
-    rows = [(net, r, g) for net in ("Ant", "leak alone") for r, g in ((0.8, below), (1.0, at))]
-    rows.append(("leak alone", 0.4, 1.5))
-    table = pd.DataFrame(rows, columns=["net", "ratio", "growth"])
+def test_instability_claim(
+    euler: tuple[float, float], heun: tuple[float, float], verdict: Verdict
+) -> None:
+    """Growth below the step and at it, by integrator: both must do as the text says."""
+    rows = [
+        (net, integrator, ratio, growth)
+        for integrator, own in (("euler", euler), ("heun", heun))
+        for net in ("Ant", "leak alone")
+        for ratio, growth in zip((0.8, 1.0), own, strict=True)
+    ]
+    rows += [("leak alone", integrator, 0.4, 1.5) for integrator in ("euler", "heun")]
+    table = pd.DataFrame(rows, columns=["net", "integrator", "ratio", "growth"])
     finding = BY_ID["5.2.2-instability"].judge({"section-5.2.2-stability": table})
     assert finding.verdict is verdict
+    assert "Euler: " in finding.evidence
+
+
+def test_what_is_left_of_an_impulse_is_told_apart_by_stability() -> None:
+    rows = [("LSTM, forget gate open", np.nan, 1.0, 1.0)]
+    rows += [(net, 20.0, 0.0, 0.9) for net in ("LSTM", "GRU", "DTRNN")]
+    rows += [("LSTM", np.nan, 0.9, 1.1), ("DTRNN", np.nan, 0.2, 0.999)]
+    table = pd.DataFrame(rows, columns=["net", "steps", "left", "growth"]).assign(limit=2000)
+    finding = BY_ID["5.2.3-lstm-keeps"].judge({"section-5.2.3-memory": table})
+    assert finding.verdict is Verdict.REPRODUCED
+    assert "1 of 2 are unstable at rest" in finding.evidence
 
 
 @pytest.mark.parametrize(
@@ -261,7 +280,9 @@ def test_drawing_and_tables() -> None:
 # ----------------------------------------------------------------------------------------- live
 def test_a_live_run_is_a_training_run_and_repeats() -> None:
     config = LiveConfig(iterations=2, batch_steps=200, horizon=50, seeds=2)
-    first, second = (SECTION_5_5_1_LIVE.run(config=config, workers=w).table for w in (1, 2))
+    first = SECTION_5_5_1_LIVE.run(config=config, workers=1).table
+    trained.cache_clear()
+    second = SECTION_5_5_1_LIVE.run(config=config, workers=2).table
     pd.testing.assert_frame_equal(
         first.drop(columns=list(TIMING_COLUMNS)), second.drop(columns=list(TIMING_COLUMNS))
     )

@@ -13,9 +13,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 
 from thesis_lib.book.style import COLOURS, PRINTED
+from thesis_lib.experiments.chapter5.architectures import FAST, GAIT, SLOW, gait_band
 from thesis_lib.locomotion.robots import ROBOTS
 
 Point = tuple[float, float]
+
+BANDS = (f"about {GAIT:g} Hz", f"above {FAST:g} Hz", "noise / gait")
+"""Headings of what :func:`gain_shares` gives."""
 
 INK = "#222222"
 PALE = "#eef3f7"
@@ -219,10 +223,10 @@ def _gru(ax: Axes) -> None:
     s.text((3.7, 4.55), r"$\tilde h_n$", ha="right", fontsize=10)
     s.link([(3.1, 1.0), (4.2, 3.87)], INPUT)
     s.link([(6.3, 3.42), (4.9, 4.15)])
-    s.box((4.4, 6.2), r"mix: $g h + (1-g)\,\tilde h$", 5.2)
+    s.box((4.9, 6.2), r"mix: $g h + (1-g)\,\tilde h$", 6.6)
     s.link([(4.4, 4.95), (4.4, 5.7)])
-    s.link([(1.2, 3.15), (1.2, 6.2), (1.8, 6.2)])
-    s.link([(7.95, 0.5), (9.75, 0.5), (9.75, 6.2), (7.0, 6.2)])
+    s.link([(1.2, 3.15), (1.2, 6.2), (1.6, 6.2)])
+    s.link([(7.95, 0.5), (9.75, 0.5), (9.75, 6.2), (8.2, 6.2)])
     s.link([(4.4, 6.7), (4.4, 7.7)])
     s.text((5.0, 7.4), r"$h_n$")
 
@@ -321,7 +325,7 @@ def gain_table(table: pd.DataFrame) -> pd.DataFrame:
         shares = gain_shares(own)
         stable = own.groupby("seed").small_signal_gain.apply(lambda g: g.notna().all())
         row: dict[str, object] = {"network": net}
-        for name, share in zip(("about 2 Hz", "above 10 Hz", "noise / gait"), shares, strict=True):
+        for name, share in zip(BANDS, shares, strict=True):
             row[name] = f"{share.mean():.2f} ({_range(share.min(), share.max(), 2)})"
         row["stable at rest"] = f"{stable.sum()} of {len(stable)}"
         records.append(row)
@@ -337,8 +341,15 @@ def trained_gains(table: pd.DataFrame) -> Figure:
 
     Lines are geometric means over networks, and bands go from the least to the largest.
     """
-    fig, axes, spare = _panels(table.net.unique(), 5.6)
-    for ax, (_, own) in zip(axes, table.groupby("net", sort=False), strict=True):
+    nets = table.net.unique()
+    lines = -(-len(nets) // 3)
+    fig, axes = plt.subplots(
+        lines, 3, figsize=(7.2, 2.3 * lines), sharex=True, sharey=True, squeeze=False
+    )
+    for ax, net in zip(axes.flat, nets, strict=False):
+        own = table[table.net == net]
+        ax.set_title(net, fontsize=10)
+        ax.tick_params(labelsize=8.5)
         for stage, (colour, style) in STAGES.items():
             wide = own[own.stage == stage].pivot(index="frequency", columns="seed", values="gain")
             wide /= wide[wide.index < 0.5].mean()
@@ -349,10 +360,12 @@ def trained_gains(table: pd.DataFrame) -> Figure:
             ax.loglog(x, np.exp(logs.mean(axis=1)), style, color=colour, lw=1.4)
             low, high = np.exp(logs.min(axis=1)), np.exp(logs.max(axis=1))
             ax.fill_between(x, low, high, color=colour, alpha=0.2, lw=0)
-    axes[0].set(ylim=(1e-2, 30), xlim=(table.frequency.min(), table.frequency.max()))
+    axes[0, 0].set(ylim=(5e-3, 12), xlim=(table.frequency.min(), table.frequency.max()))
+    for ax in axes.flat[len(nets) :]:
+        ax.axis("off")
     for stage, (colour, style) in STAGES.items():
-        spare.plot([], ls=style, color=colour, label=f"{stage} training")
-    spare.legend(loc="center", fontsize=9)
+        axes[0, 0].plot([], ls=style, color=colour, label=f"{stage} training")
+    axes[0, 0].legend(loc="lower left", fontsize=8.5)
     fig.supxlabel("frequency [Hz]", fontsize=11)
     fig.supylabel("gain / gain below 0.5 Hz", fontsize=11)
     return fig
@@ -364,9 +377,7 @@ def trained_table(table: pd.DataFrame) -> pd.DataFrame:
     for net, own in table.groupby("net", sort=False):
         row: dict[str, object] = {"network": net}
         ends = [gain_shares(own[own.stage == stage]) for stage in STAGES]
-        for name, before, after in zip(
-            ("about 2 Hz", "above 10 Hz", "noise / gait"), *ends, strict=True
-        ):
+        for name, before, after in zip(BANDS, *ends, strict=True):
             found = _range(after.min(), after.max(), 2)
             row[name] = f"{before.mean():.2f} → {after.mean():.2f} ({found})"
         records.append(row)
@@ -405,10 +416,13 @@ def _range(low: float, high: float, places: int) -> str:
 
 
 def gain_shares(own: pd.DataFrame) -> tuple[pd.Series, pd.Series, pd.Series]:
-    """Gain about 2 Hz and above 10 Hz over that below 0.5 Hz, and their ratio, by seed."""
-    slow = own[own.frequency < 0.5].groupby("seed").gain.mean()
-    gait = own[own.frequency.between(2 / 1.2, 2 * 1.2)].groupby("seed").gain.mean()
-    fast = own[own.frequency > 10].groupby("seed").gain.mean()
+    """Gain at a gait's frequencies and at those of noise over that below, and their ratio, by seed.
+
+    The bands are those of :mod:`thesis_lib.experiments.chapter5.architectures`.
+    """
+    slow = own[own.frequency < SLOW].groupby("seed").gain.mean()
+    gait = own[gait_band(own.frequency)].groupby("seed").gain.mean()
+    fast = own[own.frequency > FAST].groupby("seed").gain.mean()
     return gait / slow, fast / slow, fast / gait
 
 
@@ -503,10 +517,14 @@ def instability(table: pd.DataFrame) -> Figure:
 
 
 def memory_table(table: pd.DataFrame) -> pd.DataFrame:
-    """Steps and seconds until an impulse is forgotten: median, and range over networks."""
+    """Steps and seconds until an impulse is forgotten: median, and range over networks.
+
+    Then how many networks still feel it, apart for those that are stable at rest and for those
+    that are not.
+    """
     records = []
     for net, own in table.groupby("net", sort=False):
-        never = int(own.steps.isna().sum())
+        still, unstable = own.steps.isna(), own.growth > 1
         done = own.dropna(subset="steps")
         n = done.steps
         records.append(
@@ -514,7 +532,9 @@ def memory_table(table: pd.DataFrame) -> pd.DataFrame:
                 "network": net,
                 "steps": f"{n.median():.0f} ({_range(n.min(), n.max(), 0)})" if len(n) else "–",
                 "seconds": f"{done.seconds.median():.2f}" if len(done) else "–",
-                "still felt": f"{never} of {len(own)}",
+                "unstable at rest": f"{unstable.sum()} of {len(own)}",
+                "of them still feel it": f"{(still & unstable).sum()}" if unstable.any() else "–",
+                "stable ones that do": f"{(still & ~unstable).sum()} of {(~unstable).sum()}",
             }
         )
     return pd.DataFrame(records)

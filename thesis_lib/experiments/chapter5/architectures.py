@@ -37,6 +37,15 @@ NETS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
 """Networks compared; the CTRNN with the author's initial time constant and a shorter one."""
 
 
+SLOW, GAIT, FAST = 0.5, 2.0, 10.0
+"""Frequencies that count as slow (below), as those of a gait (about) and as noise (above) [Hz]."""
+
+
+def gait_band(frequency: pd.Series) -> pd.Series:
+    """Whether frequencies [Hz] are within a fifth of :data:`GAIT`."""
+    return frequency.between(GAIT / 1.2, GAIT * 1.2)
+
+
 def untrained_net(name: str, task: str, seed: int) -> GaussianPolicy:
     """A network of :data:`NETS` for a task, with its initial weights."""
     architecture, options = NETS[name]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import pandas as pd
 
@@ -39,15 +40,21 @@ class LiveConfig:
         )
 
 
+@lru_cache(maxsize=8)
+def trained(run: TrainConfig) -> Training:
+    """A run brought to its last iteration; the same settings give the same one."""
+    training = Training(run)
+    for _ in range(run.iterations):
+        training.step()
+    return training
+
+
 def live(config: LiveConfig, context: Context) -> pd.DataFrame:
     """Learning curves of a few runs."""
 
     def learn(seed: int) -> pd.DataFrame:
         run = config.run(seed)
-        training = Training(run)
-        for _ in range(run.iterations):
-            training.step()
-        return training.curve.assign(seed=seed, delta_kl=step_size(run))
+        return trained(run).curve.assign(seed=seed, delta_kl=step_size(run))
 
     seeds = [context.seed + i for i in range(config.seeds)]
     return pd.concat(context.map(learn, seeds, "runs"), ignore_index=True)

@@ -2,6 +2,7 @@ r"""How long networks remember: gates before training, and reservoirs by spectra
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +20,7 @@ from thesis_lib.experiments.chapter5.architectures import (
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.locomotion.tasks import make_task
 from thesis_lib.policies import ESN, LSTM, GaussianPolicy, make_policy
-from thesis_lib.policies.response import respond
+from thesis_lib.policies.response import SETTLED, respond
 
 FloatArray = NDArray[np.float64]
 
@@ -51,6 +52,39 @@ def open_lstm(task: str, seed: int) -> GaussianPolicy:
         # Gates are stacked in the order input, forget, output, cell.
         net.input.weight[net.units : 3 * net.units].zero_()
     return net
+
+
+def growth_at_rest(policy: GaussianPolicy) -> float:
+    """Factor a step by which the slowest small change of a resting network's state grows.
+
+    The largest modulus among the eigenvalues of the state's Jacobian, at the state and
+    without input; 0 for a network without state.  Below 1 the network is stable at rest and
+    a change fades with the time constant -dt / log(growth).
+
+    Raises
+    ------
+    ValueError
+        When the network moves without input and so is not at rest where it starts.
+    """
+    net = deepcopy(policy).double()  # double() works in place
+    if net.state_size == 0:
+        return 0.0
+    observation = torch.zeros((1, net.observation_size), dtype=torch.float64)
+    action = torch.zeros((1, net.action_size), dtype=torch.float64)
+    rest = net.initial_state(1).detach()[0]
+
+    def after(state: torch.Tensor) -> torch.Tensor:
+        return net.step(observation, action, state[None])[1][0]
+
+    with torch.no_grad():
+        moved = float((after(rest) - rest).abs().max())
+    if moved > SETTLED:
+        raise ValueError(
+            f"the {policy.architecture} network moves by {moved:.2g} in its first step without "
+            "input: its initial state must be one of rest."
+        )
+    slope = torch.autograd.functional.jacobian(after, rest)
+    return float(np.abs(np.linalg.eigvals(slope.numpy())).max())
 
 
 # -------------------------------------------------------------------------------------- impulse
@@ -89,6 +123,7 @@ def forgetting(config: ForgettingConfig, context: Context) -> pd.DataFrame:
                     "steps": felt + 1 if over else np.nan,
                     "seconds": (felt + 1) * dt if over else np.nan,
                     "left": size[-1] / size.max(),
+                    "growth": growth_at_rest(net),
                     "limit": config.steps,
                 }
             )
@@ -111,6 +146,8 @@ SECTION_5_2_3_MEMORY = Experiment(
         "steps": "control steps until the response stays below 1% of its largest; empty if longer",
         "seconds": "the same in seconds",
         "left": "share of the largest response that is left at the end",
+        "growth": "factor a step of the slowest small change of the state at rest; above 1 the "
+        "network is unstable there, 0 without a state",
         "limit": "control steps watched",
     },
     seconds={"smoke": 1, "book": 25, "thesis": 25},

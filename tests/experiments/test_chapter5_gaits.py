@@ -1,0 +1,190 @@
+"""The beat of gaits, the mean actions of untrained networks, and what settings of the CTRNN do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from thesis_lib.book import architectures as show
+from thesis_lib.claims import Claim, Verdict
+from thesis_lib.claims.chapter5 import OPTION_CLAIMS
+from thesis_lib.experiments.base import Context
+from thesis_lib.experiments.chapter5.architectures import GAIT, untrained_net
+from thesis_lib.experiments.chapter5.first_means import SECTION_5_4_FIRST_MEANS, FirstMeansConfig
+from thesis_lib.experiments.chapter5.gaits import SECTION_5_5_2_GAITS, GaitsConfig, beat
+from thesis_lib.experiments.chapter5.live import LiveConfig, trained
+from thesis_lib.experiments.chapter5.memory import growth_at_rest
+from thesis_lib.experiments.chapter5.untrained import Search, find_metronome
+from thesis_lib.experiments.training import TrainConfig, make_batch_task, make_run_policy
+from thesis_lib.optimisation import collect
+from thesis_lib.policies import make_policy
+
+torch.set_num_threads(1)
+
+
+# ----------------------------------------------------------------------------------------- gaits
+def test_beat_is_the_frequency_of_the_largest_swing() -> None:
+    time = np.arange(0, 10, 0.02)
+    large = np.sin(2 * np.pi * 1.7 * time)
+    small = 0.5 * np.sin(2 * np.pi * 3.1 * time + 1)
+    drift = 5 * time  # a joint that only turns beats nothing
+    assert beat(np.stack([large, small, drift], axis=1), 0.02) == pytest.approx(1.7, abs=0.02)
+    # slower than what counts as a beat
+    slow = 9 * np.sin(2 * np.pi * 0.1 * time)
+    assert beat(np.stack([slow + small], axis=1), 0.02) == pytest.approx(3.1, abs=0.05)
+
+
+def test_beat_needs_time() -> None:
+    with pytest.raises(ValueError, match="too few"):
+        beat(np.zeros((399, 2)), 0.02)
+    beat(np.random.default_rng(0).standard_normal((400, 2)), 0.02)
+
+
+def test_joints_swing_as_the_metronome_beats() -> None:
+    search = Search(generations=3, population=12, elite=4, seconds=1.0)
+    learner = LiveConfig(iterations=1, batch_steps=100, horizon=50, seeds=1)
+    config = GaitsConfig(search, 1, learner, worlds=2)
+    table = SECTION_5_5_2_GAITS.run(config=config).table
+    assert len(table) == 2 * (5 + 1)
+    swimmer = table[(table.robot == "Swimmer") & (table.controller == "metronome")]
+    # a snake in a thick fluid follows its motors
+    drive = find_metronome("Swimmer", search, 0, 0).frequency
+    np.testing.assert_allclose(swimmer.frequency, drive, atol=0.05)
+    np.testing.assert_allclose(swimmer.seconds, 12)
+    # a walker on open-loop sines falls long before it has beaten twice
+    fallen = table[table.robot == "Walker2d"]
+    assert fallen.frequency.isna().all()
+    assert (fallen.seconds < 10).all()
+
+
+def test_live_runs_are_made_once() -> None:
+    run = LiveConfig(iterations=1, batch_steps=100, horizon=50).run(4)
+    assert trained(run) is trained(run)
+    assert trained(run).iteration == 1
+
+
+def test_the_gait_band_is_one_for_page_and_claims() -> None:
+    frequency = np.array([0.4, GAIT / 1.25, GAIT / 1.19, GAIT, 1.19 * GAIT, 1.25 * GAIT, 10.1])
+    own = pd.DataFrame({"seed": 0, "frequency": frequency, "gain": [4, 99, 1, 2, 3, 99, 1.0]})
+    gait, fast, ratio = show.gain_shares(own)
+    assert (gait[0], fast[0], ratio[0]) == (0.5, 0.25, 0.5)
+
+
+# ----------------------------------------------------------------------------------- first means
+@pytest.mark.parametrize("net", ["dffwd", "ctrnn", "gru"])
+def test_first_means_are_actions_without_their_noise(net: str) -> None:
+    config = FirstMeansConfig(("HalfCheetah",), (net,), 1, 60)
+    row = SECTION_5_4_FIRST_MEANS.run(config=config).table.iloc[0]
+    run = TrainConfig(task="HalfCheetah", architecture=net, seed=0, batch_steps=60)
+    task = make_batch_task(run)
+    assert task.n_worlds == 1  # and one episode, so that the noise was drawn row by row
+    (seed,) = Context(seed=0).seeds(1, 5, 12, 2, 0)
+    policy = make_run_policy(run, task)
+    rollouts = collect(task, policy, 60, np.random.default_rng(seed))
+    noise = np.random.default_rng(seed).standard_normal(rollouts.actions.shape)
+    mean = rollouts.actions - noise  # the standard deviation starts at 1
+    assert row.steps == len(mean)
+    assert row.rms == pytest.approx(np.sqrt((mean**2).mean()), rel=1e-4)
+    assert row.lean == pytest.approx(np.sqrt((mean.mean(axis=0) ** 2).mean()), rel=1e-3)
+
+
+# ---------------------------------------------------------------------------------------- memory
+@pytest.mark.parametrize("seed", [0, 1])
+def test_growth_at_rest_of_a_ctrnn_is_that_of_its_slowest_mode(seed: int) -> None:
+    net = untrained_net("CTRNN, 1 s", "Hopper", seed)
+    K = net.get_parameter("recurrent.weight").detach().double().numpy()
+    z = (np.linalg.eigvals(K) - 1) * 0.02  # tau = 1 s, 50 actions a second
+    growth = growth_at_rest(net)
+    assert growth == pytest.approx(np.abs(1 + z + z**2 / 2).max(), rel=1e-7)
+    # tau / (1 - Re mu), but for the error of Heun's method
+    slowest = 1 / (1 - np.linalg.eigvals(K).real.max())
+    assert -0.02 / np.log(growth) == pytest.approx(slowest, rel=1e-3)
+
+
+def test_growth_at_rest_by_hand() -> None:
+    assert growth_at_rest(make_policy("ffwd", 3, 2, dt=0.1, seed=0)) == 0
+    vanilla = make_policy("dtrnn", 3, 2, dt=0.1, seed=0, dtype=torch.float64)
+    with torch.no_grad():
+        vanilla.get_parameter("recurrent.weight").copy_(torch.diag(torch.arange(6.0) / 4))
+    assert growth_at_rest(vanilla) == pytest.approx(1.25)  # tanh has slope 1 at rest
+    with torch.no_grad():
+        vanilla.get_parameter("input.bias").fill_(1.0)
+    with pytest.raises(ValueError, match="one of rest"):
+        growth_at_rest(vanilla)
+
+
+def test_memory_table_tells_unstable_networks_from_slow_ones() -> None:
+    rows = [("CTRNN", 50.0, 0.9), ("CTRNN", np.nan, 0.999), ("CTRNN", np.nan, 1.01)]
+    table = pd.DataFrame(rows, columns=["net", "steps", "growth"]).assign(seconds=1.0)
+    made = show.memory_table(table).iloc[0]
+    assert made["unstable at rest"] == "1 of 3"
+    assert made["of them still feel it"] == "1"
+    assert made["stable ones that do"] == "1 of 2"
+
+
+# -------------------------------------------------------------------------------------- settings
+BY_ID: dict[str, Claim] = {claim.id: claim for claim in OPTION_CLAIMS}
+
+
+def options(**rows: tuple[float, float]) -> dict[str, pd.DataFrame]:
+    """The sweep's table: difference from a default of 1000 and Holm's p, by variant."""
+    variants = {
+        "softplus": "constraint=softplus",
+        "exponential": "constraint=exponential",
+        "euler": "integrator=euler",
+        "midpoint": "integrator=midpoint",
+    }
+    records = [
+        {
+            "task": "HalfCheetah",
+            "architecture": net,
+            "changed": variants[name],
+            "n": 5,
+            "mean_reference": 1000.0,
+            "mean_changed": 1000 + sign * gap,
+            "difference": sign * gap,
+            "low": sign * gap - 50,
+            "high": sign * gap + 50,
+            "p_holm": p,
+        }
+        for net, sign in (("dtrnn", -1), ("ctrnn", 1))  # another net must not count
+        for name, (gap, p) in rows.items()
+    ]
+    return {"section-5.5.1-options": pd.DataFrame(records)}
+
+
+@pytest.mark.parametrize(
+    ("softplus", "exponential", "verdict"),
+    [
+        ((-90, 0.01), (-80, 0.02), Verdict.REPRODUCED),
+        ((-90, 0.01), (-80, 0.06), Verdict.DIRECTION),
+        ((-90, 0.01), (80, 0.6), Verdict.NOT_REPRODUCED),
+        ((-90, 0.01), (80, 0.01), Verdict.REFUTED),
+        ((80, 0.3), (80, 0.3), Verdict.NOT_REPRODUCED),
+    ],
+)
+def test_the_claim_on_the_clamp(softplus, exponential, verdict: Verdict) -> None:
+    found = BY_ID["5.2.2-clamp"].judge(options(softplus=softplus, exponential=exponential))
+    assert found.verdict is verdict
+    assert "penalty was not tried" in found.evidence
+
+
+@pytest.mark.parametrize(
+    ("euler", "verdict"),
+    [
+        ((-90, 0.01), Verdict.REPRODUCED),
+        ((-90, 0.06), Verdict.DIRECTION),
+        ((90, 0.06), Verdict.NOT_REPRODUCED),
+        ((90, 0.01), Verdict.REFUTED),
+    ],
+)
+def test_the_claim_on_the_midpoint(euler, verdict: Verdict) -> None:
+    found = BY_ID["5.5.1-midpoint"].judge(options(euler=euler, midpoint=(5, 0.9)))
+    assert found.verdict is verdict
+
+
+def test_claims_on_settings_need_their_sweep() -> None:
+    with pytest.raises(ValueError, match="0 rows for the CTRNN"):
+        BY_ID["5.2.2-clamp"].judge(options(euler=(1, 1.0)))
