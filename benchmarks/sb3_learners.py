@@ -18,7 +18,7 @@ its ``target_kl`` of d bounds the divergence by A d nats, and its damping of the
 times as strong.  The curves compare like with like, twice: ``--bounds nats`` bounds both by d nats
 (the peer's ``target_kl`` is d / A), ``--bounds dimension`` both by A d.
 
-    pip install sb3-contrib==2.9.2
+    pip install -c constraints.txt -e '.[benchmark]'
     python benchmarks/sb3_learners.py [--json] [--tasks Hopper HalfCheetah]
     python benchmarks/sb3_learners.py --curves [--bounds nats] [--sides ours peer]
 """

@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -152,6 +153,47 @@ def test_a_number_that_is_not_finite_stops_the_run(
     Training.load(tmp_path).policy.check_finite()
 
 
+def test_a_full_disk_is_one_line(tmp_path: Path) -> None:
+    arguments = ["train", *SMALL, "--iterations", "2", "--out", str(tmp_path)]
+    assert cli.main(arguments) == 0
+    arguments[arguments.index("2")] = "4"
+
+    def no_room() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (2048, 2048))
+
+    done = subprocess.run(
+        [sys.executable, "-m", "thesis_lib.cli", *arguments],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=no_room,
+    )
+    assert done.returncode == 1
+    assert "which could not be saved (File too large): make room" in done.stderr
+    assert f"of iteration 2, is in {str(tmp_path)!r}." in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert cli.main(arguments) == 0
+    assert Training.load(tmp_path).iteration == 4
+
+
+def test_a_test_that_comes_to_no_number_is_one_sentence(
+    checkpoint: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    load = Training.load
+
+    def spoilt(path: Path) -> Training:
+        run = load(path)
+        with torch.no_grad():
+            run.policy.head.bias[0] = float("nan")
+        return run
+
+    monkeypatch.setattr(Training, "load", spoilt)
+    assert cli.main(["evaluate", str(checkpoint), "--runs", "1", "--steps", "5"]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("thesis: the action in world 0 at step 0")
+    assert error.count("\n") == 1
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -168,6 +210,10 @@ def test_a_number_that_is_not_finite_stops_the_run(
         (["--reading", "novel"], "reading"),
         (["--leak", "0.9"], "--leak has no effect here, only with architecture esn"),
         (["--maps", "3"], "--maps has no effect here, only with terrain hill"),
+        (["--architecture", "dffwd", "--units", "5"], "--units has no effect here, only with"),
+        (["--initial-log-std", "nan"], "initial_log_std is nan, but it must be a finite number"),
+        (["--initial-log-std", "400"], "but it must be between -10 and 10"),
+        (["--architecture", "ctrnn", "--time-constant", "inf"], "time_constant is inf, but it"),
         (["--velocity", "3"], "'--velocity' is not known: see `thesis train --help`"),
     ],
 )
@@ -270,6 +316,9 @@ def test_a_film_without_gl_is_one_sentence_after_the_table(
         (["--terrain", "sea"], "terrain 'sea' does not exist"),
         (["--terrain", "hill", "--difficulty", "-1"], "difficulty is -1"),
         (["--terrain", "hill", "--switch-at", "3"], "a switch starts on flat ground"),
+        (["--difficulty", "0.3"], "--difficulty has no effect here, only with terrain hill or"),
+        (["--onset", "3"], "--onset has no effect here, only with dead-actuators or dead-sensors"),
+        (["--film-run", "3"], "--film-run has no effect here, only with film"),
         (["--film", "run.mov"], "cannot be written as '.mov'"),
         (["--film", "run.gif", "--film-run", "20"], "the runs are 0 to 19"),
     ],
@@ -295,6 +344,15 @@ def test_checkpoints_that_cannot_be_read(
     torch.save(content | {"config": content["config"] | {"wings": 2}}, tmp_path / "checkpoint.pt")
     assert cli.main(["evaluate", str(tmp_path)]) == 2
     assert "has a setting this version does not have" in capsys.readouterr().err
+    for config in ({"task": 3}, {"iterations": "many"}):
+        torch.save(content | {"config": content["config"] | config}, tmp_path / "checkpoint.pt")
+        assert cli.main(["evaluate", str(tmp_path)]) == 2
+        error = capsys.readouterr().err
+        assert "has a setting this version does not have" in error
+        assert error.count("\n") == 1
+    torch.save({k: content[k] for k in content if k != "rows"}, tmp_path / "checkpoint.pt")
+    assert cli.main(["evaluate", str(tmp_path)]) == 2
+    assert "has no rows: train again" in capsys.readouterr().err
     other = content["config"] | {"architecture": "dtrnn"}
     torch.save(content | {"config": other}, tmp_path / "checkpoint.pt")
     assert cli.main(["evaluate", str(tmp_path)]) == 2

@@ -7,7 +7,7 @@ import os
 import shlex
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -34,6 +34,7 @@ from thesis_lib.experiments.evaluation import (
     summarised,
     write,
 )
+from thesis_lib.experiments.evaluation import idle_settings as idle_in_test
 from thesis_lib.experiments.trained import TrainedPolicies
 from thesis_lib.experiments.training import (
     TerminalReport,
@@ -77,6 +78,15 @@ def _unchecked(kind: type[SettingsT], hidden: Sequence[str] = ()) -> type[Settin
 def _checked(kind: type[SettingsT], given: Any) -> SettingsT:
     """The settings that were given, checked; ValueError for those that cannot be."""
     return kind(**{f.name: getattr(given, f.name) for f in dataclasses.fields(given)})
+
+
+def _refuse(idle: Mapping[str, str]) -> None:
+    """Raise ValueError for settings that have no effect, with what they would need."""
+    for setting, owners in idle.items():
+        raise ValueError(
+            f"--{setting.replace('_', '-')} has no effect here, only with "
+            f"{owners.replace('_', '-')}: leave it out."
+        )
 
 
 Budget = Annotated[str, tyro.conf.arg(metavar="{" + ",".join(BUDGETS) + "}")]
@@ -165,11 +175,7 @@ class Train:
     def __call__(self) -> int:
         """Train it."""
         config = _checked(TrainConfig, self.settings)
-        for setting, owners in idle_settings(config).items():
-            raise ValueError(
-                f"--{setting.replace('_', '-')} has no effect here, only with {owners}: leave it "
-                "out."
-            )
+        _refuse(idle_settings(config))
         folder = writable_directory(self.out or default_directory(config))
         use_one_thread()
         report = TerminalReport(config.iterations)
@@ -227,7 +233,11 @@ class Evaluate:
 
     def __call__(self, command: str = "thesis evaluate") -> int:
         """Test it; ``command`` goes into the record."""
-        config = _checked(EvaluateConfig, self.settings).disturbed(self.disturbances)
+        config = _checked(EvaluateConfig, self.settings)
+        _refuse(idle_in_test(config, self.disturbances))
+        if self.film is None and self.film_run != 0:
+            _refuse({"film_run": "film"})
+        config = config.disturbed(self.disturbances)
         if self.run is None:
             trained = Training.load(self.checkpoint)
         else:
@@ -290,6 +300,8 @@ class Sweep:
     def __call__(self, command: str = "thesis sweep") -> int:
         """Train what is missing; ``command`` goes into the record."""
         configs = _checked(sweeps.Grid, self.grid).runs(_checked(TrainConfig, self.settings))
+        idle = [idle_settings(c) for c in configs]
+        _refuse({name: by for name, by in idle[0].items() if all(name in i for i in idle)})
         out = writable_directory(self.out or repository_root() / "_build" / "results" / "sweep")
         runs = self.runs_in or repository_root() / "_build" / "runs" / out.name
         errors: dict[str, str] = {}
@@ -420,7 +432,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (ValueError, FileNotFoundError) as error:
         print(f"thesis: {error}", file=sys.stderr)
         return 2
-    except (TrainingStopped, NoGL) as error:
+    except (TrainingStopped, FloatingPointError, NoGL) as error:
         print(f"thesis: {error}", file=sys.stderr)
         return 1
     except BrokenPipeError:

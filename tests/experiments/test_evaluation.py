@@ -15,6 +15,7 @@ from thesis_lib.experiments.evaluation import (
     evaluate,
     evaluation_task,
     film,
+    idle_settings,
     parse_perturbation,
     positions,
     summarised,
@@ -184,6 +185,27 @@ def test_disturbances_in_short(cheetah: Path) -> None:
 def test_disturbances_that_cannot_be(given: dict, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         Disturbances(**given).perturbations()
+
+
+@pytest.mark.parametrize(
+    ("config", "given", "idle"),
+    [
+        ({}, {}, []),
+        ({"difficulty": 0.3}, {}, ["difficulty"]),
+        ({"difficulty": 0.3}, {"noise": 1.0}, ["difficulty"]),
+        ({"difficulty": 0.3, "terrain": "hill"}, {}, []),
+        ({"difficulty": 0.3}, {"switch_at": "task"}, []),
+        ({}, {"onset": 3}, ["onset"]),
+        ({}, {"onset": 3, "switch_at": "2"}, ["onset"]),
+        ({"perturbations": ("WhiteNoise",)}, {"onset": 3}, ["onset"]),
+        ({"difficulty": 0.3}, {"onset": 3}, ["difficulty", "onset"]),
+        ({}, {"onset": 3, "noise": 0.0}, []),
+        ({}, {"onset": 3, "dead_sensors": ("pitch",)}, []),
+        ({}, {"onset": 3, "push": (0.0, 1.0, 0.0)}, []),
+    ],
+)
+def test_settings_without_effect(config: dict, given: dict, idle: list[str]) -> None:
+    assert list(idle_settings(EvaluateConfig(**config), Disturbances(**given))) == idle
 
 
 def test_hills_come_once() -> None:

@@ -290,6 +290,7 @@ def test_a_killed_sweep_goes_on_to_the_same_curves(tmp_path: Path) -> None:
         (["--seed", "1"], "'--seed' is not known"),
         (["--workers", "0"], "workers is 0"),
         (["--delta-kl", "-1"], "delta_kl is -1.0, but it must be positive"),
+        (["--architectures", "gru", "dffwd", "--leak", "0.9"], "--leak has no effect here, only"),
     ],
 )
 def test_bad_input_is_one_sentence(

@@ -79,7 +79,28 @@ def test_other_versions_are_refused(swept: Path, tmp_path: Path) -> None:
     for broken in (
         {"config": kept["config"] | {"wings": 2}},
         {"config": kept["config"] | {"units": 3}},
+        {"config": kept["config"] | {"task": 3}},
+        {"config": None},
+        {"parameters": None},
+        {"parameters": torch.full_like(kept["parameters"], float("nan"))},
+        {"iteration": None},
     ):
         torch.save({"format": 1, "policies": {"bird": kept | broken}}, path)
         with pytest.raises(ValueError, match=r"'bird' .* does not fit this version"):
             TrainedPolicies(path).load("bird")
+
+
+@pytest.mark.parametrize("missing", ["config", "iteration", "parameters"])
+def test_a_run_with_a_hole(swept: Path, tmp_path: Path, missing: str) -> None:
+    content = torch.load(swept / "policies.pt", weights_only=True)
+    del content["policies"]["swimmer-flat-lstm-0-float32"][missing]
+    torch.save(content, tmp_path / "policies.pt")
+    with pytest.raises(ValueError, match=f"does not fit .* \\(it has no '{missing}'\\): sweep"):
+        TrainedPolicies(tmp_path / "policies.pt").load("swimmer-flat-lstm-0-float32")
+
+
+@pytest.mark.parametrize("content", [{"format": 1}, {"format": 1, "policies": ["a", "b"]}, [1]])
+def test_a_file_of_something_else(content: object, tmp_path: Path) -> None:
+    torch.save(content, tmp_path / "policies.pt")
+    with pytest.raises(ValueError, match="is not a file of policies of `thesis sweep`"):
+        TrainedPolicies(tmp_path / "policies.pt")

@@ -1,8 +1,11 @@
 """Training runs: what they start from, that they can be resumed, and how they stop."""
 
 import dataclasses
+import errno
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,8 +26,8 @@ from thesis_lib.experiments.training import (
     train,
 )
 from thesis_lib.locomotion import BatchTask, Step
-from thesis_lib.optimisation import TRPO
-from thesis_lib.policies import ARCHITECTURES, CTRNN, ESN
+from thesis_lib.optimisation import TRPO, Rollouts, ValueNetwork, collect
+from thesis_lib.policies import ARCHITECTURES, CTRNN, ESN, FeedforwardPolicy
 
 torch.set_num_threads(1)
 SMALL = {"batch_steps": 200, "horizon": 40, "iterations": 3}
@@ -55,6 +58,38 @@ def test_same_seed_same_run(architecture: str) -> None:
     assert list(one.curve.columns) == list(CURVE_COLUMNS)
     other = train(dataclasses.replace(config, seed=1, iterations=1))
     assert other.curve.mean_return[0] != one.curve.mean_return[0]
+
+
+def test_every_iteration_draws_anew_and_noise_is_not_the_task_s(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    starts, noises, seeds = [], [], []
+    reseed = BatchTask.reseed
+
+    def reseeded(task: BatchTask, seed: np.random.SeedSequence) -> None:
+        seeds.append(seed)
+        reseed(task, seed)
+
+    def collected(task: BatchTask, policy: Any, n: int, generator: np.random.Generator) -> Rollouts:
+        before = generator.bit_generator.state
+        noises.append(generator.standard_normal(100))
+        generator.bit_generator.state = before
+        rollouts = collect(task, policy, n, generator)
+        starts.append(rollouts.observations[: rollouts.n_episodes, 0])  # heights at time 0
+        return rollouts
+
+    run = Training(TrainConfig(**SMALL))
+    monkeypatch.setattr(BatchTask, "reseed", reseeded)
+    monkeypatch.setattr(training, "collect", collected)
+    run.step()
+    run.step()
+    assert np.ptp(starts[0]) > 0
+    assert len(np.intersect1d(*starts)) == 0
+    assert len(np.intersect1d(*noises)) == 0
+    streams = [np.random.default_rng(seed).standard_normal(100) for seed in seeds]
+    for noise in noises:
+        for stream in streams:
+            assert len(np.intersect1d(noise, stream)) == 0
 
 
 @pytest.mark.parametrize(
@@ -173,6 +208,117 @@ def test_settings_reach_the_policy() -> None:
     assert training.table_5_1("Ant", "esn", "weight_density") == 0.7
 
 
+def _net(run: Training, name: str) -> Any:
+    return getattr(run.policy, name)
+
+
+def _rule(run: Training, name: str) -> Any:
+    return getattr(run.learner.algorithm, name)
+
+
+def _gram(run: Training) -> bool:
+    assert isinstance(run.policy, FeedforwardPolicy)
+    w = run.policy.get_parameter("layers.0.weight").detach()
+    return bool(torch.allclose(w @ w.T, 2 * torch.eye(len(w)), atol=1e-5))
+
+
+def _head(run: Training) -> float:
+    return float(run.policy.head.weight.abs().max())
+
+
+def _baseline_of(run: Training) -> tuple[str, str]:
+    return type(run.learner.baseline).__name__, run.learner.targets
+
+
+ESN_RUN, CTRNN_RUN = {"architecture": "esn"}, {"architecture": "ctrnn"}
+NATURAL, HILL = {"algorithm": "natural"}, {"terrain": "hill"}
+# option, its value, other settings, what it shall have changed, and to what
+REACHED: list[tuple[str, Any, dict, Callable[[Training], Any], Any]] = [
+    ("task", "ant", {}, lambda run: run.task.task.robot.name, "Ant"),
+    ("terrain", "hill", {}, lambda run: run.task.model.nhfield, 1),
+    ("architecture", "gru", {}, lambda run: _net(run, "architecture"), "gru"),
+    ("seed", 3, {}, lambda run: run._seed("task").entropy, 3),
+    ("batch_steps", 300, {}, lambda run: run.step()["steps"] >= 300, True),
+    ("horizon", 25, {}, lambda run: run.task.max_episode_steps, 25),
+    ("algorithm", "ppo", {}, lambda run: type(run.learner.algorithm).__name__, "PPO"),
+    ("delta_kl", 0.03, {}, lambda run: _rule(run, "delta"), 0.03),
+    ("delta_kl", 0.03, NATURAL, lambda run: _rule(run, "delta"), 0.03),
+    ("learning_rate", 0.07, {"algorithm": "vpg"}, lambda run: _rule(run, "learning_rate"), 0.07),
+    ("learning_rate", 0.07, {"algorithm": "ppo"}, lambda run: _rule(run, "learning_rate"), 0.07),
+    ("discount", 0.9, {}, lambda run: run.learner.discount, 0.9),
+    ("trace", 0.8, {}, lambda run: run.learner.trace, 0.8),
+    ("bootstrap", True, {}, lambda run: run.learner.bootstrap, True),
+    ("baseline", "network", {}, _baseline_of, ("ValueNetwork", "lambda")),
+    ("cg_iterations", 3, {}, lambda run: _rule(run, "cg_iterations"), 3),
+    ("cg_iterations", 3, NATURAL, lambda run: _rule(run, "cg_iterations"), 3),
+    ("damping", 0.2, {}, lambda run: _rule(run, "damping"), 0.2),
+    ("damping", 0.2, NATURAL, lambda run: _rule(run, "damping"), 0.2),
+    ("kl_direction", "new_old", {}, lambda run: _rule(run, "kl_direction"), "new_old"),
+    ("features", "full", {}, lambda run: _net(run, "feature_size"), 20),
+    ("difficulty", 0.2, HILL, lambda run: round(run.task.model.hfield_size[0, 2], 1), 0.2),
+    ("maps", 2, HILL, lambda run: run.task.ground_id(1), 1),
+    ("reading", "duan", {}, lambda run: run.task.task.alive_bonus, 1.0),
+    ("alive_bonus", 0.7, {}, lambda run: run.task.task.alive_bonus, 0.7),
+    ("units", 5, {}, lambda run: _net(run, "hidden_size"), 5),
+    ("previous_action", False, {}, lambda run: _net(run, "previous_action"), False),
+    ("integrator", "midpoint", CTRNN_RUN, lambda run: _net(run, "integrator"), "midpoint"),
+    ("time_constant", 0.25, CTRNN_RUN, lambda run: _net(run, "tau_raw").tolist()[0], 0.25),
+    ("constraint", "softplus", CTRNN_RUN, lambda run: _net(run, "constraint"), "softplus"),
+    ("spectral_radius", 0.7, ESN_RUN, lambda run: _net(run, "spectral_radius"), 0.7),
+    ("density", 0.4, ESN_RUN, lambda run: _net(run, "density"), 0.4),
+    ("leak", 0.3, ESN_RUN, lambda run: _net(run, "leak"), 0.3),
+    ("initial_log_std", -0.5, {}, lambda run: run.policy.log_std.tolist(), [-0.5] * 3),
+    ("initialisation", "orthogonal", {"architecture": "ffwd"}, _gram, True),
+    ("head_scale", 0.0, {}, _head, 0.0),
+    ("worlds", 3, {}, lambda run: run.task.n_worlds, 3),
+    ("precision", "float64", {}, lambda run: run.policy.dtype, torch.float64),
+    ("threads", 2, {}, lambda run: run.task.threads, 2),
+]
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "others", "probe", "expected"),
+    REACHED,
+    ids=lambda v: str(v) if isinstance(v, str | int | float) else "",
+)
+def test_every_option_reaches_what_it_is_for(
+    option: str, value: Any, others: dict, probe: Callable[[Training], Any], expected: Any
+) -> None:
+    config = TrainConfig(**{**SMALL, **others})
+    assert probe(Training(config)) != expected
+    assert probe(Training(dataclasses.replace(config, **{option: value}))) == expected
+
+
+def test_no_option_is_left_out() -> None:
+    tested = {option for option, *_ in REACHED}
+    # Those two decide when a run ends and saves, which the tests of resuming see.
+    assert tested == {f.name for f in dataclasses.fields(TrainConfig)} - {
+        "iterations",
+        "checkpoint_every",
+    }
+
+
+def test_the_number_type_is_that_of_a_neural_baseline_too() -> None:
+    for precision, dtype in training.PRECISIONS.items():
+        baseline = Training(TrainConfig(precision=precision, baseline="network")).learner.baseline
+        assert isinstance(baseline, ValueNetwork)
+        assert baseline.dtype == dtype
+
+
+@pytest.mark.parametrize(
+    ("architecture", "option"),
+    [("dffwd", {"units": 5}), ("gru", {"initialisation": "orthogonal"})],
+)
+def test_what_a_sweep_sets_for_all_is_left_out_where_it_is_idle(
+    architecture: str, option: dict
+) -> None:
+    config = TrainConfig(architecture=architecture, worlds=1)
+    asked = dataclasses.replace(config, **option)
+    assert list(training.idle_settings(asked)) == list(option)
+    one, two = (make_run_policy(c, make_batch_task(c)) for c in (config, asked))
+    assert torch.equal(one.parameter_vector(), two.parameter_vector())
+
+
 def test_worlds_for_a_batch() -> None:
     assert make_batch_task(TrainConfig()).n_worlds == 100
     assert make_batch_task(TrainConfig(batch_steps=10_000)).n_worlds == 20
@@ -205,6 +351,108 @@ def test_a_bad_parameter_stops_the_run_and_spares_the_checkpoint(tmp_path: Path)
     good = Training.load(tmp_path)
     assert good.iteration == 2
     good.policy.check_finite()
+
+
+def test_an_update_to_infinity_is_not_saved(tmp_path: Path) -> None:
+    config = TrainConfig(algorithm="vpg", learning_rate=1e300, **SMALL)
+    config = dataclasses.replace(config, checkpoint_every=1)
+    with pytest.raises(
+        TrainingStopped, match=r"in iteration 1: parameter .* of iteration 0, is in"
+    ):
+        train(config, tmp_path)
+    good = Training.load(tmp_path)
+    assert good.iteration == 0
+    good.policy.check_finite()
+
+
+@pytest.mark.parametrize("full", ["torch.save", "pandas.DataFrame.to_csv"])
+def test_a_full_disk_stops_the_run_and_spares_the_checkpoint(
+    full: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = TrainConfig(**{**SMALL, "iterations": 6, "checkpoint_every": 2})
+
+    def fill_up(run: Training) -> None:
+        if run.iteration == 3:
+            error = OSError(errno.ENOSPC, "No space left on device")
+
+            def refuse(*arguments: Any, **options: Any) -> None:
+                raise error
+
+            monkeypatch.setattr(full, refuse)
+
+    # the checkpoint comes first, so that without room for the curve it is the newer one
+    kept = 2 if full == "torch.save" else 4
+    with pytest.raises(TrainingStopped) as stopped:
+        train(config, tmp_path, report=fill_up)
+    assert str(stopped.value) == (
+        "training stopped after iteration 4, which could not be saved (No space left on device): "
+        f"make room, and give the same command again. The last good checkpoint, of iteration "
+        f"{kept}, is in {str(tmp_path)!r}."
+    )
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["checkpoint.pt", "curve.csv", "run.json"]
+    monkeypatch.undo()
+    assert Training.load(tmp_path).iteration == kept
+    same(train(config, tmp_path), train(config))
+
+
+def test_no_room_for_the_first_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*arguments: Any, **options: Any) -> None:
+        raise OSError(errno.EFBIG, "File too large")
+
+    monkeypatch.setattr("torch.save", refuse)
+    with pytest.raises(TrainingStopped, match=r"\(File too large\): .* There is no checkpoint in"):
+        train(TrainConfig(**SMALL), tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+GONE, HELD = object(), ("config", "policy", "baseline", "rows", "iteration")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        *(({name: GONE}, f"has no {name}: train again") for name in HELD),
+        ({"policy": None}, "has no policy"),
+        ({"iteration": "three"}, "has no iteration"),
+        ({"iteration": 2}, "has another curve than that of its 2 iterations"),
+        ({"rows": [{}, {}, {}]}, "has another curve than that of its 3 iterations"),
+        ({"baseline": {}}, "has a baseline that does not fit this run"),
+        ({"baseline": {"weights": torch.ones(7)}}, "has a baseline that does not fit this run"),
+        (
+            {"baseline": {"weights": torch.full((26,), float("nan"))}},
+            "has a baseline that does not fit this run",
+        ),
+        ({"policy": {}}, "has parameters that are not those of dtrnn"),
+    ],
+)
+def test_a_checkpoint_with_a_hole(change: dict, message: str, tmp_path: Path) -> None:
+    run = train(TrainConfig(**SMALL), tmp_path)
+    assert run.policy.feature_size == 11  # so that a baseline has 2 * 11 + 4 = 26 weights
+    file = tmp_path / "checkpoint.pt"
+    content = torch.load(file, weights_only=True)
+    torch.save({k: v for k, v in (content | change).items() if v is not GONE}, file)
+    with pytest.raises(ValueError, match=message):
+        Training.load(tmp_path)
+
+
+def test_a_checkpoint_with_a_parameter_that_is_not_finite(tmp_path: Path) -> None:
+    train(TrainConfig(**SMALL), tmp_path)
+    file = tmp_path / "checkpoint.pt"
+    content = torch.load(file, weights_only=True)
+    content["policy"]["head.bias"][0] = float("nan")
+    torch.save(content, file)
+    with pytest.raises(ValueError, match="has a parameter that is not finite: train again"):
+        Training.load(tmp_path)
+
+
+def test_a_checkpoint_without_the_state_of_ppo(tmp_path: Path) -> None:
+    train(TrainConfig(algorithm="ppo", **SMALL), tmp_path)
+    file = tmp_path / "checkpoint.pt"
+    content = torch.load(file, weights_only=True)
+    for broken in (content | {"algorithm": None}, {k: content[k] for k in content if k[0] != "a"}):
+        torch.save(broken, file)
+        with pytest.raises(ValueError, match="has no state of ppo: train again"):
+            Training.load(tmp_path)
 
 
 def test_a_bad_reward_stops_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -274,6 +522,18 @@ def test_another_version(tmp_path: Path) -> None:
         ({"seed": -1}, "seed is -1"),
         ({"precision": "float16"}, "choose one of float32, float64"),
         ({"features": "some"}, "choose one of thesis, full"),
+        ({"task": 3}, "task is 3, but it must be text"),
+        ({"iterations": 2.5}, r"iterations is 2\.5, but it must be a whole number"),
+        ({"iterations": None}, "iterations is None, but it must be a whole number"),
+        ({"bootstrap": "yes"}, "bootstrap is 'yes', but it must be True or False"),
+        *(
+            ({name: value}, f"{name} is {value}, but it must be a finite number")
+            for name in ("initial_log_std", "head_scale", "time_constant", "leak", "alive_bonus")
+            for value in (float("nan"), float("inf"))
+        ),
+        ({"difficulty": float("nan")}, "difficulty is nan, but it must be a finite number"),
+        ({"initial_log_std": 400.0}, r"initial_log_std is 400\.0, .* between -10 and 10: less"),
+        ({"initial_log_std": -1000.0}, "initial_log_std is -1000"),
     ],
 )
 def test_bad_arguments(options: dict, message: str) -> None:

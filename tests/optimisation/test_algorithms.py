@@ -20,6 +20,7 @@ from thesis_lib.optimisation import (
     LocalProblem,
     NaturalPG,
 )
+from thesis_lib.optimisation.natural import natural_direction
 from thesis_lib.policies import ARCHITECTURES, GaussianPolicy, Packing, log_likelihood
 
 
@@ -73,6 +74,23 @@ def test_natural_gradient_solves_equation_2_15(variant: str) -> None:
     NaturalPG(delta=1e-3, cg_iterations=400, damping=damping).update(policy, batch)
     length = math.sqrt(2 * 1e-3 / float(gradient @ natural))
     assert relative(policy.parameter_vector() - before, length * natural) < 1e-3
+
+
+@pytest.mark.parametrize("iterations", [1, 2, 5])
+def test_conjugate_gradient_makes_as_many_steps_as_asked_for(iterations: int) -> None:
+    policy = network("dtrnn")
+    problem = LocalProblem(policy, batch_for(policy))
+    gradient, damping = problem.gradient(), 1e-3
+    solution = natural_direction(problem, gradient, iterations, damping)
+    assert solution.iterations == iterations
+    # the minimum of 1/2 x F x - g x over the Krylov space g, Fg, F^2 g, ...
+    damped = explicit_fisher(policy, problem) + damping * torch.eye(policy.n_trainable)
+    powers = [gradient / gradient.norm()]
+    for _ in range(iterations - 1):
+        powers.append(damped @ powers[-1] / (damped @ powers[-1]).norm())
+    q, _ = torch.linalg.qr(torch.stack(powers, dim=1))
+    expected = q @ torch.linalg.solve(q.T @ damped @ q, q.T @ gradient)
+    assert relative(solution.x, expected) < 1e-6
 
 
 # ----------------------------------------------------------------------------------------- TRPO
@@ -217,6 +235,30 @@ def test_ppo_clips() -> None:
         return PPO(clip=clip, learning_rate=0.02, epochs=40).update(policy, batch_for(policy)).kl
 
     assert distance(0.01) < distance(0.2) < distance(100.0)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_ppo_clips_on_either_side(sign: float) -> None:
+    # Good actions become more likely up to 1 + eps, bad ones less likely down to 1 - eps; from
+    # there on nothing pushes.
+    def distance(clip: float) -> float:
+        policy = network("ffwd")
+        batch = batch_for(policy)
+        same = Batch(batch.sequences, batch.actions, sign * torch.ones_like(batch.advantages))
+        return PPO(clip=clip, learning_rate=0.01, epochs=100).update(policy, same).kl
+
+    assert distance(0.05) < 0.1 * distance(1e6)
+
+
+def test_ppo_keeps_time_constants_at_or_above_the_step() -> None:
+    policy = network("ctrnn", 3)
+    tau = policy.get_parameter("tau_raw")
+    with torch.no_grad():
+        tau.fill_(0.1)  # at the step: half of all moves lead below it
+    PPO(learning_rate=0.01, epochs=3).update(policy, batch_for(policy, seed=3))
+    assert (tau >= 0.1).all()
+    assert (tau == 0.1).any()
+    assert (tau > 0.1).any()
 
 
 def test_ppo_goes_on_where_it_stopped() -> None:

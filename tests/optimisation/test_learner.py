@@ -1,5 +1,7 @@
 """Iterations of learning, on the linear-quadratic task."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
@@ -18,7 +20,7 @@ from thesis_lib.optimisation import (
     collect,
 )
 from thesis_lib.optimisation.problem import Batch
-from thesis_lib.policies import ARCHITECTURES, GaussianPolicy, make_policy
+from thesis_lib.policies import ARCHITECTURES, DEEP_NETS, GaussianPolicy, make_policy
 
 
 def learn(
@@ -26,7 +28,7 @@ def learn(
 ) -> tuple[list[float], GaussianPolicy]:
     """Mean return of every iteration."""
     task = LinearQuadraticTask(40, A=0.5, B=0.2, R=0.5, seed=seed)
-    units = None if architecture == "ffwd-400" else 6
+    units = None if architecture in ("ffwd-400", *DEEP_NETS) else 6
     policy = make_policy(architecture, 1, 1, dt=0.1, seed=seed, units=units)
     learner = Learner(policy, algorithm or TRPO(delta=0.05))
     rng = np.random.default_rng(seed)
@@ -122,6 +124,25 @@ def test_standardised_advantages_and_bootstrap() -> None:
     first = weights @ [0, 0, 0.01, 1e-4, 1e-6, 1]
     expected = 4.0 + 0.5 * last - first
     assert float(recorder.batches[1].advantages[3]) == pytest.approx(expected, abs=1e-9)
+
+
+def test_an_episode_that_ended_by_itself_is_not_credited() -> None:
+    recorder = Recorder()
+    policy = make_policy("ffwd", 1, 1, dt=0.1, dtype=torch.float64)
+    learner = Learner(policy, recorder, discount=0.5, bootstrap=True, standardise=False)
+    rollouts = two_episodes((1.0, 3.0, 2.0, 4.0))
+    rollouts = dataclasses.replace(rollouts, terminated=np.array([True, False]))
+    learner.improve(rollouts)
+    weights = learner.baseline.weights
+    assert weights is not None
+    learner.improve(rollouts)
+    s = 2 / 100
+    first = weights @ [0, 0, 0.01, 1e-4, 1e-6, 1]
+    last = weights @ [0, 0, s, s**2, s**3, 1]
+    assert abs(last) > 1  # else there would be nothing to see
+    # the last steps: of the first episode, which fell over, and of the second, cut at time 2
+    expected = [2.0 - first, 4.0 + 0.5 * last - first]
+    assert recorder.batches[1].advantages[2:].tolist() == pytest.approx(expected, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", ["discount", "trace"])

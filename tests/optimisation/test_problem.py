@@ -8,6 +8,7 @@ from torch import Tensor
 from tests.optimisation.batches import batch_for
 from tests.policies.networks import VARIANTS, double_backpropagation, network, relative
 from thesis_lib.optimisation import TRPO, Batch, LocalProblem, Rollouts, make_batch
+from thesis_lib.optimisation.problem import report
 from thesis_lib.policies import (
     GaussianPolicy,
     Packing,
@@ -196,6 +197,16 @@ def test_rollouts_become_a_batch() -> None:
     batch = make_batch(policy, rollouts, np.arange(3.0))
     assert batch.actions.dtype == batch.advantages.dtype == torch.float32
     assert batch.sequences.inputs[:, 1].tolist() == [0, 0, 1]
+
+
+def test_an_update_that_spoils_a_parameter_is_not_reported() -> None:
+    policy = network("gru")
+    problem = LocalProblem(policy, batch_for(policy))
+    assert report(problem, problem.start()).step_norm == 0
+    with torch.no_grad():
+        policy.head.weight[1, 0] = float("nan")
+    with pytest.raises(FloatingPointError, match=r"parameter 'head\.weight' of the gru"):
+        report(problem, problem.start())
 
 
 def test_bad_arguments() -> None:

@@ -86,6 +86,24 @@ def test_an_interrupted_fit_goes_on_to_the_same_bits() -> None:
     assert (untrained.predict(observations, time) == 0).all()
 
 
+def test_its_number_type_is_the_one_asked_for() -> None:
+    observations, time, _ = batch(seed=2)
+    values = {}
+    for dtype in (torch.float32, torch.float64):
+        network = ValueNetwork(seed=1, dtype=dtype)
+        network.fit(*batch())
+        values[dtype] = network.predict(observations, time)
+        state = network.state_dict()
+        assert {w.dtype for w in state["net"].values()} == {dtype}
+        assert {s["exp_avg"].dtype for s in state["adam"]["state"].values()} == {dtype}
+    # what a float32 network predicts is a float32 number, and nearly nothing else is
+    rounded = {dtype: v.astype(np.float32) for dtype, v in values.items()}
+    assert (values[torch.float32] == rounded[torch.float32]).all()
+    assert np.mean(values[torch.float64] == rounded[torch.float64]) < 0.01
+    with pytest.raises(ValueError, match=r"is of type torch\.float64, but this one has"):
+        ValueNetwork().load_state_dict(state)
+
+
 class Noted:
     """A baseline of 2 everywhere that notes what it is fitted to."""
 

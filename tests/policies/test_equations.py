@@ -1,11 +1,12 @@
 """Each network against its printed equation, an independent library or a differential equation."""
 
 import math
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
 import torch
+from scipy import stats
 from scipy.integrate import solve_ivp
 from torch import Tensor
 
@@ -253,6 +254,16 @@ def test_time_constants_stay_at_or_above_the_step(constraint: str) -> None:
     assert (policy.time_constants() >= DT).all()
 
 
+@pytest.mark.parametrize("constraint", ["clamp", "softplus", "exponential"])
+@pytest.mark.parametrize("seconds", [0.1 + 1e-6, 3.0, 800.0, 1e30])
+def test_any_time_constant_can_be_the_first(constraint: str, seconds: float) -> None:
+    policy = make_policy(
+        "ctrnn", 4, 2, dt=0.1, constraint=constraint, time_constant=seconds, dtype=torch.float64
+    )
+    assert isinstance(policy, CTRNN)
+    np.testing.assert_allclose(policy.time_constants().detach(), seconds, rtol=1e-9)
+
+
 def test_the_clamp_leaves_other_time_constants_alone() -> None:
     policy = make_policy("ctrnn", OBSERVED, ACTIONS, dt=DT)
     assert isinstance(policy, CTRNN)
@@ -313,6 +324,70 @@ def test_initial_weights(architecture: str) -> None:
         bound = math.sqrt(6 / (26 + n))
         for gate in np.split(w["input.weight"], len(w["input.weight"]) // n):
             assert 0.8 * bound < np.abs(gate).max() <= bound
+
+
+def gates(policy: GaussianPolicy, layer: str) -> list[np.ndarray]:
+    """Weights of each gate, ``(N, inputs)``."""
+    weight = weights(policy)[f"{layer}.weight"]
+    return np.split(weight, len(weight) // policy.hidden_size)
+
+
+def is_uniform(block: np.ndarray, bound: float) -> bool:
+    """Whether a block looks drawn from U(-bound, bound).
+
+    With more than a thousand numbers the test of Kolmogorov and Smirnov sees a bound that is
+    20% off, and other laws.
+    """
+    assert block.size > 1000
+    inside = np.abs(block).max() <= bound * (1 + 1e-6)
+    test = stats.kstest(block.ravel(), "uniform", (-bound, 2 * bound))
+    return bool(inside and test.pvalue > 1e-3)
+
+
+def glorot(block: np.ndarray) -> float:
+    """Bound of Glorot's law for a weight of shape ``(outputs, inputs)``."""
+    return math.sqrt(6 / sum(block.shape))
+
+
+@pytest.mark.parametrize("architecture", ["dtrnn", "ctrnn", "gru", "lstm", "esn"])
+def test_laws_of_the_recurrent_nets(architecture: str) -> None:
+    # as in the author's code; fan-in and fan-out are those of one gate
+    policy = make_policy(architecture, 60, 30, dt=DT, units=50, seed=1, dtype=torch.float64)
+    n_gates = {"gru": 3, "lstm": 4}.get(architecture, 1)
+    received, recurrent = gates(policy, "input"), gates(policy, "recurrent")
+    assert [b.shape for b in received] == [(50, 90)] * n_gates
+    assert [b.shape for b in recurrent] == [(50, 50)] * n_gates
+    for block in received:
+        assert is_uniform(block, 0.5 if architecture == "esn" else glorot(block))
+    for block in recurrent:
+        if architecture == "lstm":
+            np.testing.assert_allclose(block @ block.T, 1.1**2 * np.identity(50), atol=1e-12)
+        elif architecture == "esn":  # U(-0.5, 0.5), scaled to its radius
+            assert is_uniform(block, np.abs(block).max())
+        else:
+            assert is_uniform(block, glorot(block))
+    head = weights(policy)["head.weight"]
+    assert is_uniform(head, glorot(head))
+    for one, two in combinations([*received, *recurrent], 2):
+        assert abs(np.corrcoef(one[:, :50].ravel(), two[:, :50].ravel())[0, 1]) < 0.1
+    for name in ("h0", "log_std", "head.bias"):
+        assert (weights(policy)[name] == 0).all()
+
+
+@pytest.mark.parametrize("architecture", ["ffwd", "ffwd-400", "dffwd", "dffwd-softplus"])
+def test_laws_of_the_feedforward_nets(architecture: str) -> None:
+    units = 70 if architecture == "ffwd" else None
+    policy = make_policy(architecture, 60, 50, dt=DT, units=units, seed=1, dtype=torch.float64)
+    w = weights(policy)
+    layers = [value for name, value in w.items() if name.endswith(".weight")]
+    widths = {"ffwd": [70], "ffwd-400": [400]}.get(architecture, [100, 50, 25])
+    assert sorted(b.shape for b in layers) == sorted(
+        (out, into) for into, out in pairwise([60, *widths, 50])
+    )
+    for block in layers:
+        assert is_uniform(block, glorot(block))
+    for name, value in w.items():
+        assert name.endswith(".weight") or (value == 0).all()
 
 
 def test_orthogonal_gates() -> None:

@@ -1,5 +1,7 @@
 """Options, the distribution and bad input."""
 
+import math
+
 import numpy as np
 import pytest
 import torch
@@ -173,6 +175,11 @@ def test_divergence_against_its_integral() -> None:
         (("esn", 4, 2, {"spectral_radius": -1.0}), "spectral_radius is -1.0"),
         (("ffwd", 4, 2, {"activation": "relu"}), "choose one of tanh, softplus"),
         (("dffwd", 4, 2, {"hidden": (10, 0)}), "a layer of 0 units"),
+        (("dffwd", 4, 2, {"units": 5}), "units is 5, but dffwd has layers of its own"),
+        (("dffwd-softplus", 4, 2, {"units": 5}), "dffwd-softplus has layers of its own"),
+        (("ctrnn", 4, 2, {"time_constant": math.inf}), "time_constant is inf s, but it must be a"),
+        (("ctrnn", 4, 2, {"time_constant": math.nan}), "time_constant is nan s, but it must be a"),
+        (("ctrnn", 4, 2, {"time_constant": 1e40}), r"of seconds up to 3\.4e\+38"),
     ],
 )
 def test_bad_arguments(arguments: tuple, message: str) -> None:

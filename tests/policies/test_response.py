@@ -80,6 +80,22 @@ def test_the_policy_is_left_as_it_was() -> None:
     assert policy.dtype == torch.float32
 
 
+def test_the_loop_is_open() -> None:
+    # A unit that hears nothing but its previous action, which stays 0, says nothing.
+    deaf = make_policy("dtrnn", 1, 1, dt=DT, units=1, dtype=torch.float64)
+    hears = make_policy("dtrnn", 1, 1, dt=DT, units=1, dtype=torch.float64)
+    with torch.no_grad():
+        for net, weights in ((deaf, [[0.0, 5.0]]), (hears, [[1.0, 5.0]])):
+            net.get_parameter("input.weight").copy_(torch.tensor(weights))
+            net.get_parameter("recurrent.weight").zero_()
+            net.head.weight.fill_(2.0)
+    signal = np.array([0.3, -0.2, 0.0, 0.1])
+    assert respond(deaf, signal, [1.0]).tolist() == [[0.0]] * 4
+    np.testing.assert_allclose(respond(hears, signal, [1.0])[:, 0], 2 * np.tanh(signal))
+    # at rest the slope of tanh is 1
+    np.testing.assert_allclose(small_signal_gain(hears, DT, [1.0], [1.0, 9.0]), [[2.0], [2.0]])
+
+
 def unstable(architecture: str) -> GaussianPolicy:
     policy = make_policy(architecture, 2, 1, dt=DT, units=2, dtype=torch.float64)
     with torch.no_grad():

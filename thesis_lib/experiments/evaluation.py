@@ -174,6 +174,21 @@ class EvaluateConfig:
         )
 
 
+def idle_settings(config: EvaluateConfig, disturbances: Disturbances) -> dict[str, str]:
+    """Settings that differ from their default and have no effect, with what they belong to."""
+    found = {}
+    hilly = config.terrain == "hill" or disturbances.switch_at is not None
+    if config.difficulty != EvaluateConfig().difficulty and not hilly:
+        found["difficulty"] = "terrain hill or switch_at"
+    default = Disturbances()
+    late = set(vars(default)) - {"switch_at", "onset"}
+    if disturbances.onset != default.onset and all(
+        getattr(disturbances, name) == getattr(default, name) for name in late
+    ):
+        found["onset"] = " or ".join(sorted(late))
+    return found
+
+
 def known_perturbations() -> Mapping[str, type[Perturbation]]:
     """The perturbations there are, by name."""
     return {

@@ -66,7 +66,7 @@ class TrainedPolicies:
             )
         try:
             content = torch.load(self.path, weights_only=True)
-            found, self._policies = content["format"], content["policies"]
+            found, self._policies = content["format"], dict(content["policies"])
         except Exception as error:  # torch raises many kinds for a file that is not its own
             raise ValueError(
                 f"{str(path)!r} is not a file of policies of `thesis sweep`."
@@ -103,10 +103,19 @@ class TrainedPolicies:
         try:
             run = Training(TrainConfig(**kept["config"]))
             run.policy.set_parameter_vector(kept["parameters"])
-        except (TypeError, RuntimeError) as error:
+            run.policy.check_finite()
+            run.iteration = int(kept["iteration"])
+        except (
+            AttributeError,
+            FloatingPointError,
+            KeyError,
+            RuntimeError,
+            TypeError,
+            ValueError,
+        ) as error:
+            cause = f"it has no {error}" if isinstance(error, KeyError) else str(error).rstrip(".")
             raise ValueError(
                 f"run {name!r} in {str(self.path)!r} does not fit this version of thesis_lib "
-                f"({error}): sweep again, or use the version that wrote it."
+                f"({cause}): sweep again, or use the version that wrote it."
             ) from error
-        run.iteration = kept["iteration"]
         return run

@@ -14,9 +14,12 @@ import math
 import os
 import sys
 import time
+import typing
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from io import BytesIO
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +52,7 @@ from thesis_lib.optimisation import (
     collect,
 )
 from thesis_lib.optimisation.problem import Algorithm
-from thesis_lib.policies import ARCHITECTURES, GaussianPolicy, make_policy
+from thesis_lib.policies import ARCHITECTURES, DEEP_NETS, GaussianPolicy, make_policy
 from thesis_lib.published import load as published
 
 FORMAT = 2
@@ -71,6 +74,9 @@ the swimmer's."""
 OUR_DELTA = 0.05
 """The same for the other tasks, whose step sizes stand in a supplement we do not have.  Scripts of
 Duan et al.'s group use this value."""
+
+LOG_STD_RANGE = (-10.0, 10.0)
+"""Where the logarithm of the actions' standard deviation may start."""
 
 TASK_NAMES: Mapping[str, str] = {
     "swimmer": "Swimmer",
@@ -98,6 +104,7 @@ _NEEDS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "density": ("architecture", ("esn",)),
     "leak": ("architecture", ("esn",)),
     "initialisation": ("architecture", ("ffwd", "dffwd", "dffwd-softplus", "ffwd-400")),
+    "units": ("architecture", tuple(name for name in ARCHITECTURES if name not in DEEP_NETS)),
     "learning_rate": ("algorithm", ("vpg", "ppo")),
     "delta_kl": ("algorithm", ("trpo", "natural")),
     "cg_iterations": ("algorithm", ("trpo", "natural")),
@@ -183,15 +190,18 @@ class TrainConfig:
     worlds: int | None = None
     """Worlds simulated side by side; default one for each episode of a full batch."""
     precision: str = "float32"
-    """float32 or float64 networks; physics, returns and baseline are always float64."""
+    """float32 or float64 networks, a neural baseline among them; physics, returns and the linear
+    baseline are always float64."""
     threads: int = 1
     """Threads of the physics; the result does not depend on it."""
     checkpoint_every: int = 10
     """Iterations between checkpoints."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "task", task_name(self.task))
         check_seed(self.seed)
+        for name, hint in typing.get_type_hints(TrainConfig).items():
+            _check_kind(name, getattr(self, name), hint)
+        object.__setattr__(self, "task", task_name(self.task))
         for name, allowed in (
             ("terrain", TERRAINS),
             ("architecture", tuple(ARCHITECTURES)),
@@ -215,6 +225,30 @@ class TrainConfig:
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} is {value}, but it must be positive.")
+        low, high = LOG_STD_RANGE
+        if not low <= self.initial_log_std <= high:
+            raise ValueError(
+                f"initial_log_std is {self.initial_log_std}, but it must be between {low:g} and "
+                f"{high:g}: less noise explores nothing, and more is clipped from every action."
+            )
+
+
+_KINDS: Mapping[type, tuple[type, str]] = {
+    bool: (bool, "True or False"),
+    int: (Integral, "a whole number"),
+    float: (Real, "a finite number"),
+    str: (str, "text"),
+}
+
+
+def _check_kind(name: str, value: object, hint: Any) -> None:
+    """Raise ValueError unless a setting is of its type, and finite; hints are T or T | None."""
+    kinds = typing.get_args(hint) or (hint,)
+    if value is None and len(kinds) > 1:
+        return
+    accepted, words = _KINDS[kinds[0]]
+    if not isinstance(value, accepted) or (isinstance(value, Real) and not math.isfinite(value)):
+        raise ValueError(f"{name} is {value!r}, but it must be {words}.")
 
 
 def idle_settings(config: TrainConfig) -> dict[str, str]:
@@ -300,7 +334,9 @@ def make_batch_task(config: TrainConfig) -> BatchTask:
 def make_run_policy(config: TrainConfig, task: BatchTask) -> GaussianPolicy:
     """The policy of a run before training."""
     options: dict[str, Any] = {"initial_log_std": config.initial_log_std}
-    if config.initialisation != "glorot":
+    # What a sweep sets for all its runs goes to the nets that have it.
+    idle = idle_settings(config)
+    if config.initialisation != "glorot" and "initialisation" not in idle:
         options["initialisation"] = config.initialisation
     if config.previous_action is not None:
         options["previous_action"] = config.previous_action
@@ -329,7 +365,7 @@ def make_run_policy(config: TrainConfig, task: BatchTask) -> GaussianPolicy:
         task.action_size,
         dt=task.task.robot.control_dt,
         seed=config.seed,
-        units=config.units,
+        units=None if "units" in idle else config.units,
         features=features,
         head_scale=config.head_scale,
         dtype=PRECISIONS[config.precision],
@@ -341,7 +377,8 @@ def _baseline(config: TrainConfig) -> dict[str, Any]:
     """The learner's baseline, and what it is fitted to."""
     if config.baseline == "linear":
         return {"baseline": LinearBaseline(), "targets": "returns"}
-    return {"baseline": ValueNetwork(seed=config.seed), "targets": "lambda"}
+    network = ValueNetwork(seed=config.seed, dtype=PRECISIONS[config.precision])
+    return {"baseline": network, "targets": "lambda"}
 
 
 def make_algorithm(config: TrainConfig) -> Algorithm:
@@ -392,7 +429,7 @@ TIMING_COLUMNS = ("sampling_seconds", "update_seconds", "wall_seconds")
 
 
 class TrainingStopped(RuntimeError):  # noqa: N818 - it names what happened to the run
-    """A number that is not finite ended a run; the message has the iteration and the cause."""
+    """A number that is not finite, or a full disk, ended a run; the message says when and why."""
 
 
 class Training:
@@ -493,8 +530,21 @@ class Training:
         -------
         Path
             Of the checkpoint.
+
+        Raises
+        ------
+        TrainingStopped
+            When the disk is full; files that were there stay as they are.
         """
-        folder = writable_directory(directory)
+        try:
+            return self._save(writable_directory(directory))
+        except OSError as error:
+            raise TrainingStopped(
+                f"training stopped after iteration {self.iteration}, which could not be saved "
+                f"({error.strerror}): make room, and give the same command again."
+            ) from error
+
+    def _save(self, folder: Path) -> Path:
         algorithm = self.learner.algorithm
         content = {
             "format": FORMAT,
@@ -507,9 +557,12 @@ class Training:
             "rows": self.rows,
         }
         path = folder / "checkpoint.pt"
+        # By way of the memory: writing by itself, torch would not say why it cannot.
+        checkpoint = BytesIO()
+        torch.save(content, checkpoint)
         # In this order: what the record says is done is in the checkpoint.
         with replacing(path) as temporary:
-            torch.save(content, temporary)
+            temporary.write_bytes(checkpoint.getbuffer())
         with replacing(folder / "curve.csv") as temporary:
             self.curve.to_csv(temporary, index=False)
         with replacing(folder / "run.json") as temporary:
@@ -541,13 +594,15 @@ class Training:
         FileNotFoundError
             When there is no checkpoint.
         ValueError
-            When it cannot be read, has another format or belongs to another run.
+            When it cannot be read, has another format, lacks something or belongs to
+            another run.
         """
         content = read_checkpoint(path)
         try:
             saved = TrainConfig(**content["config"])
-        except TypeError as error:
-            raise _foreign(path, f"a setting this version does not have ({error})") from error
+        except (TypeError, ValueError) as error:
+            what = f"a setting this version does not have ({str(error).rstrip('.')})"
+            raise _foreign(path, what) from error
         if config is not None:
             for name, (have, want) in differences(content, config).items():
                 raise ValueError(
@@ -561,18 +616,43 @@ class Training:
                     "choose another directory."
                 )
         run = cls(config or saved)
+        run._take_up(content, path)
+        return run
+
+    def _take_up(self, content: Mapping[str, Any], path: Path | str) -> None:
+        """Set everything a run has learned from its checkpoint's content."""
         try:
-            run.policy.load_state_dict(content["policy"])
+            self.policy.load_state_dict(content["policy"])
         except RuntimeError as error:
             raise _foreign(
-                path, f"parameters that are not those of {saved.architecture}"
+                path, f"parameters that are not those of {self.config.architecture}"
             ) from error
-        run.learner.baseline.load_state_dict(content["baseline"])
-        if isinstance(run.learner.algorithm, PPO):
-            run.learner.algorithm.load_state_dict(content["algorithm"])
-        run.iteration = content["iteration"]
-        run.rows = content["rows"]
-        return run
+        try:
+            self.policy.check_finite()
+        except FloatingPointError as error:
+            raise _foreign(path, "a parameter that is not finite") from error
+        baseline, algorithm = self.learner.baseline, self.learner.algorithm
+        step = np.zeros((1, self.policy.feature_size)), np.zeros(1, dtype=np.int64)
+        try:
+            baseline.load_state_dict(content["baseline"])
+            fits = bool(np.isfinite(baseline.predict(*step)).all())
+        except (AttributeError, KeyError, RuntimeError, TypeError, ValueError):
+            fits = False
+        if not fits:
+            raise _foreign(path, "a baseline that does not fit this run")
+        if isinstance(algorithm, PPO):
+            try:
+                algorithm.load_state_dict(content["algorithm"])
+            except (KeyError, TypeError, ValueError) as error:
+                raise _foreign(path, "no state of ppo") from error
+        self.iteration = content["iteration"]
+        self.rows = content["rows"]
+        if [row.get("iteration") for row in self.rows] != list(range(1, self.iteration + 1)):
+            raise _foreign(path, f"another curve than that of its {self.iteration} iterations")
+
+
+_CONTENT = {"config": dict, "iteration": int, "policy": dict, "baseline": dict, "rows": list}
+"""What every checkpoint holds besides its format."""
 
 
 def _foreign(path: Path | str, what: str) -> ValueError:
@@ -628,6 +708,9 @@ def read_checkpoint(path: Path | str) -> dict[str, Any]:
             f"{str(file)!r} has checkpoint format {content['format']}, but this version of "
             f"thesis_lib reads format {FORMAT}: train again, or use the version that wrote it."
         )
+    for name, kind in _CONTENT.items():
+        if not isinstance(content.get(name), kind):
+            raise _foreign(path, f"no {name}")
     return content
 
 
@@ -659,7 +742,8 @@ def train(
     Raises
     ------
     TrainingStopped
-        When a number is not finite: the last good checkpoint stays as it is.
+        When a number is not finite or the disk is full: the last good checkpoint stays as
+        it is.
     ValueError
         When the directory holds another run.
     """
@@ -703,13 +787,13 @@ def _train(
             "directory."
         )
     run = Training.load(folder, config) if has_checkpoint and folder else Training(config)
-    if folder is not None:
-        # A run killed while it saved may have left an older curve and half a file.
-        run.save(folder)
-        for name in FILES:
-            for half in folder.glob(f".{name}.*"):
-                half.unlink()
     try:
+        if folder is not None:
+            # A run killed while it saved may have left an older curve and half a file.
+            run.save(folder)
+            for name in FILES:
+                for half in folder.glob(f".{name}.*"):
+                    half.unlink()
         while run.iteration < config.iterations:
             run.step()
             last = run.iteration == config.iterations
@@ -720,6 +804,8 @@ def _train(
     except TrainingStopped as error:
         if folder is None:
             raise
+        if not (folder / "checkpoint.pt").exists():
+            raise TrainingStopped(f"{error} There is no checkpoint in {str(folder)!r}.") from error
         good = read_checkpoint(folder)["iteration"]
         raise TrainingStopped(
             f"{error} The last good checkpoint, of iteration {good}, is in {str(folder)!r}."

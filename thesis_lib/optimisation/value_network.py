@@ -68,6 +68,8 @@ class ValueNetwork:
         Steps of a gradient.
     seed
         Of the initial weights (orthogonal) and of the order of the steps.
+    dtype
+        Number type of the network.
 
     Raises
     ------
@@ -89,6 +91,7 @@ class ValueNetwork:
         epochs: int = 10,
         minibatch: int = 128,
         seed: int = 0,
+        dtype: torch.dtype = torch.float32,
     ) -> None:
         for name, value in (
             ("learning_rate", learning_rate),
@@ -101,6 +104,7 @@ class ValueNetwork:
         self.learning_rate = learning_rate
         self.epochs = epochs
         self.minibatch = minibatch
+        self.dtype = dtype
         self._generator = torch.Generator().manual_seed(seed)
         self._net: nn.Sequential | None = None
         self._adam: torch.optim.Adam | None = None
@@ -109,7 +113,7 @@ class ValueNetwork:
         widths = [n_inputs, *self.hidden, 1]
         layers: list[nn.Module] = []
         for k, (before, after) in enumerate(pairwise(widths)):
-            layer = empty_linear(before, after)
+            layer = empty_linear(before, after, dtype=self.dtype)
             gain = 1.0 if k == len(widths) - 2 else math.sqrt(2)
             nn.init.orthogonal_(layer.weight, gain, self._generator)
             layers += [layer, nn.Tanh()]
@@ -132,8 +136,8 @@ class ValueNetwork:
         returns
             What to predict, shape ``(R,)``.
         """
-        x = torch.as_tensor(observations, dtype=torch.float32)
-        target = torch.as_tensor(returns, dtype=torch.float32)
+        x = torch.as_tensor(observations, dtype=self.dtype)
+        target = torch.as_tensor(returns, dtype=self.dtype)
         if self._net is None or self._adam is None:
             net, adam = self._build(x.shape[1])
         else:
@@ -151,7 +155,7 @@ class ValueNetwork:
         if self._net is None:
             return np.zeros(len(observations))
         with torch.no_grad():
-            values = self._net(torch.as_tensor(observations, dtype=torch.float32))[:, 0]
+            values = self._net(torch.as_tensor(observations, dtype=self.dtype))[:, 0]
         return np.asarray(values.numpy(), dtype=np.float64)
 
     def state_dict(self) -> dict[str, Any]:
@@ -163,9 +167,15 @@ class ValueNetwork:
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Take up the state of an interrupted run."""
+        """Take up the state of an interrupted run; ValueError when its number type is another."""
         if state["net"] is not None:
-            net, adam = self._build(state["net"]["0.weight"].shape[1])
+            first = state["net"]["0.weight"]
+            if first.dtype != self.dtype:
+                raise ValueError(
+                    f"the state of a baseline is of type {first.dtype}, but this one has "
+                    f"{self.dtype}: make one of that type."
+                )
+            net, adam = self._build(first.shape[1])
             net.load_state_dict(state["net"])
             adam.load_state_dict(state["adam"])
         self._generator.set_state(state["generator"])

@@ -3,7 +3,7 @@
 from thesis_lib.policies.base import GaussianPolicy, Linearised, Sequences
 from thesis_lib.policies.distribution import entropy, kl_divergence, log_likelihood
 from thesis_lib.policies.echo_state import ESN, spectral_radius
-from thesis_lib.policies.factory import ARCHITECTURES, make_policy, recurrent_units
+from thesis_lib.policies.factory import ARCHITECTURES, DEEP_NETS, make_policy, recurrent_units
 from thesis_lib.policies.feedforward import FeedforwardPolicy
 from thesis_lib.policies.gated import GRU, LSTM
 from thesis_lib.policies.linearised import DualLinearised
@@ -14,6 +14,7 @@ from thesis_lib.policies.vanilla import CTRNN, DTRNN
 __all__ = [
     "ARCHITECTURES",
     "CTRNN",
+    "DEEP_NETS",
     "DTRNN",
     "ESN",
     "GRU",

@@ -84,6 +84,9 @@ ARCHITECTURES: Mapping[str, Callable[..., GaussianPolicy]] = {
 }
 """The seven architectures of section 5.2 and the two extra nets of figure 5.5."""
 
+DEEP_NETS = ("dffwd", "dffwd-softplus")
+"""Those whose hidden layers are :data:`DEEP` whatever the number of units."""
+
 
 def make_policy(
     architecture: str,
@@ -111,8 +114,8 @@ def make_policy(
     seed
         Source of the initial weights.
     units
-        Number of hidden units of a net with one hidden layer; default
-        :func:`recurrent_units`.
+        Number of hidden units of a net with one hidden layer, not for :data:`DEEP_NETS`;
+        default :func:`recurrent_units`.
     features
         Indices of the observations the policy may see; default all.
     head_scale
@@ -127,7 +130,8 @@ def make_policy(
     Raises
     ------
     ValueError
-        When the architecture or an option does not exist, or the scale is negative.
+        When the architecture or an option does not exist, the scale is negative, or a deep
+        net is given units.
     """
     if not (math.isfinite(head_scale) and head_scale >= 0):
         raise ValueError(f"head_scale is {head_scale}, but it must be a number from 0 on.")
@@ -138,6 +142,11 @@ def make_policy(
         )
     chosen = check_features(features, observation_size)
     seen = observation_size if chosen is None else len(chosen)
+    if units is not None and architecture in DEEP_NETS:
+        raise ValueError(
+            f"units is {units}, but {architecture} has layers of its own: leave units out, or give "
+            "their sizes (hidden)."
+        )
     if units is None:
         units = recurrent_units(architecture, seen, action_size)
     if units < 1:

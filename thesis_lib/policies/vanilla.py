@@ -140,8 +140,13 @@ class CTRNN(DTRNN):
                 )
         if not (math.isfinite(dt) and dt > 0):
             raise ValueError(f"dt is {dt}, but the control step must be positive (seconds).")
-        lowest = time_constant >= dt if constraint == "clamp" else time_constant > dt
-        if not (math.isfinite(time_constant) and lowest):
+        largest = torch.finfo(dtype).max
+        if not time_constant <= largest:
+            raise ValueError(
+                f"time_constant is {time_constant} s, but it must be a number of seconds up to "
+                f"{largest:.3g}, the largest there is of this type."
+            )
+        if not (time_constant >= dt if constraint == "clamp" else time_constant > dt):
             relation = "at least" if constraint == "clamp" else "above"
             raise ValueError(
                 f"time_constant is {time_constant} s, but it must be {relation} the control step "
@@ -166,7 +171,9 @@ class CTRNN(DTRNN):
         if constraint == "clamp":
             raw = time_constant
         elif constraint == "softplus":
-            raw = math.log(math.expm1(time_constant - dt))
+            # log(exp(x) - 1) that does not overflow
+            x = time_constant - dt
+            raw = x + math.log(-math.expm1(-x))
         else:
             raw = math.log(time_constant - dt)
         values = torch.full((units,), raw, dtype=dtype)
