@@ -21,6 +21,7 @@ from thesis_lib.experiments.chapter2.policy_search import (
     expected_divergence,
     expected_return,
     fisher,
+    good_range,
     linear_policy,
     parameters,
 )
@@ -175,3 +176,21 @@ def test_every_budget_has_its_config() -> None:
         "section-2.3.5-landscape",
         "section-2.3.5-steps",
     ]
+
+
+def test_good_settings_are_compared_by_the_length_of_a_step() -> None:
+    """A bound of 4 nats is a step twice as long as one of 1 nat; a rate of 4 is one four times."""
+    rows = [
+        (name, setting, run, arrived, last)
+        for name in ("natural", "trpo")
+        for setting, arrived, last in ((0.25, np.nan, 0.5), (1.0, 9, 0.99), (2.0, 5, 0.99))
+        for run in range(2)
+    ]
+    # at 4 all runs arrive and stay, at 8 one of them ends low, at 16 it all is lost
+    for name in ("natural", "trpo"):
+        rows += [(name, 4.0, run, 3, 0.9) for run in range(2)]
+        rows += [(name, 8.0, 0, 2, 0.99), (name, 8.0, 1, 2, 0.1), (name, 16.0, 0, np.nan, -9)]
+    table = pd.DataFrame(rows, columns=["algorithm", "setting", "run", "arrived", "last_share"])
+    assert good_range(table, "natural") == pytest.approx(4)
+    assert good_range(table, "trpo") == pytest.approx(2)
+    assert np.isnan(good_range(table[table.setting > 4], "trpo"))

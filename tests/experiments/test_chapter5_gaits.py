@@ -72,6 +72,18 @@ def test_the_gait_band_is_one_for_page_and_claims() -> None:
     assert (gait[0], fast[0], ratio[0]) == (0.5, 0.25, 0.5)
 
 
+def test_gaits_and_first_means_are_told_by_their_middle_and_range() -> None:
+    rows = [("Ant", "metronome", f) for f in (0.6, 1.0, 0.7)] + [("Hopper", "metronome", np.nan)]
+    table = pd.DataFrame(rows, columns=["robot", "controller", "frequency"])
+    made = show.gait_table(table).set_index("robot")
+    told = made["frequency [Hz]"].str.replace("\N{WORD JOINER}", "")
+    assert told.to_dict() == {"Ant": "0.7 (0.6–1.0)", "Hopper": "–"}
+    assert made["fell early"].to_dict() == {"Ant": "0 of 3", "Hopper": "1 of 1"}
+    means = pd.DataFrame({"net": ["gru", "gru"], "rms": [0.4, 0.8], "lean": [0.1, 0.2]})
+    row = show.means_table(means).iloc[0].str.replace("\N{WORD JOINER}", "")
+    assert row.to_list() == ["GRU", "0.60 (0.40–0.80)", "0.15 (0.10–0.20)"]
+
+
 # ----------------------------------------------------------------------------------- first means
 @pytest.mark.parametrize("net", ["dffwd", "ctrnn", "gru"])
 def test_first_means_are_actions_without_their_noise(net: str) -> None:

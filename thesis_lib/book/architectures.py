@@ -415,15 +415,52 @@ def _range(low: float, high: float, places: int) -> str:
     return f"{low:.{places}f}\N{WORD JOINER}–\N{WORD JOINER}{high:.{places}f}"
 
 
-def gain_shares(own: pd.DataFrame) -> tuple[pd.Series, pd.Series, pd.Series]:
+def gain_shares(own: pd.DataFrame, gait: float = GAIT) -> tuple[pd.Series, pd.Series, pd.Series]:
     """Gain at a gait's frequencies and at those of noise over that below, and their ratio, by seed.
 
-    The bands are those of :mod:`thesis_lib.experiments.chapter5.architectures`.
+    Parameters
+    ----------
+    own
+        Columns ``seed``, ``frequency`` and ``gain`` of one kind of network.
+    gait
+        Frequency of the gait [Hz]; all bands are those of
+        :mod:`thesis_lib.experiments.chapter5.architectures`.
     """
     slow = own[own.frequency < SLOW].groupby("seed").gain.mean()
-    gait = own[gait_band(own.frequency)].groupby("seed").gain.mean()
+    stride = own[gait_band(own.frequency, gait)].groupby("seed").gain.mean()
     fast = own[own.frequency > FAST].groupby("seed").gain.mean()
-    return gait / slow, fast / slow, fast / gait
+    return stride / slow, fast / slow, fast / stride
+
+
+def gait_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Frequency of gaits by robot and controller: median, and range over episodes."""
+    records = []
+    for (robot, controller), own in table.groupby(["robot", "controller"], sort=False):
+        beats = own.frequency.dropna()
+        told = f"{beats.median():.1f} ({_range(beats.min(), beats.max(), 1)})"
+        records.append(
+            {
+                "robot": robot,
+                "controller": controller,
+                "frequency [Hz]": told if len(beats) else "–",
+                "fell early": f"{len(own) - len(beats)} of {len(own)}",
+            }
+        )
+    return pd.DataFrame(records)
+
+
+def means_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Size of the mean action before training: mean, and range over robots and networks."""
+    records = []
+    for net, name in NETWORKS.items():
+        own = table[table.net == net]
+        if len(own):
+            row: dict[str, object] = {"network": name}
+            for column, title in (("rms", "mean action"), ("lean", "of it, the same everywhere")):
+                value = own[column]
+                row[title] = f"{value.mean():.2f} ({_range(value.min(), value.max(), 2)})"
+            records.append(row)
+    return pd.DataFrame(records)
 
 
 # ----------------------------------------------------------------------------------- reservoirs

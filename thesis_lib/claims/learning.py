@@ -228,9 +228,9 @@ DIFFERENCES = (
         "code. Orthogonal ones, and a smaller output layer for any network, are options.",
         "`TrainConfig(initialisation='glorot' | 'orthogonal', head_scale=)`",
         _with_measurement(
-            "An output layer of full size makes the first policies lean to some side in every "
-            "state, before anything is learned; a small one starts all of them from noise "
-            "around 0.",
+            "With an output layer of full size the first policies act on the state before anything "
+            "is learned, with means about as large as their noise; a small one starts all of them "
+            "from noise around 0.",
             "dffwd",
             "head_scale=0.01",
         ),

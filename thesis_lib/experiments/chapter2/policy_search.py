@@ -323,6 +323,34 @@ SECTION_2_3_5_SETTINGS = Experiment(
 )
 
 
+def good_range(table: pd.DataFrame, algorithm: str) -> float:
+    """How far apart in length steps may be with which every run arrives and stays.
+
+    A step is as long as the rate of a gradient, and as the root of TRPO's bound; in length
+    the ranges of both can be compared.
+
+    Parameters
+    ----------
+    table
+        Table ``section-2.3.5-settings``.
+    algorithm
+        vpg, natural or trpo.
+
+    Returns
+    -------
+    float
+        The longest over the shortest, among the settings tried; NaN when there is none.
+    """
+    own = table[table.algorithm == algorithm]
+    stays = own.arrived.notna() & (own.last_share >= ENOUGH)
+    good = stays.groupby(own.setting).all()
+    lengths = good.index[good].to_numpy(dtype=float)
+    if len(lengths) == 0:
+        return float("nan")
+    ratio = float(lengths.max() / lengths.min())
+    return ratio**0.5 if algorithm == "trpo" else ratio
+
+
 # --------------------------------------------------------------------- the landscape, and steps
 STARTS = ((0.0, 0.0), (-0.2, -2.3), (-1.9, -0.8))
 """Policies (gain, log sigma) from which one step is made: exploring much, hardly, and too hard."""

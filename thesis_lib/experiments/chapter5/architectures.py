@@ -38,12 +38,16 @@ NETS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
 
 
 SLOW, GAIT, FAST = 0.5, 2.0, 10.0
-"""Frequencies that count as slow (below), as those of a gait (about) and as noise (above) [Hz]."""
+"""Frequencies that count as slow (below), as those of a gait (about) and as noise (above) [Hz].
+
+A gait's is a convention: section-5.5.2-gaits finds from 0.5 Hz (swimmer) to about 5 Hz
+(half-cheetah), of which 2 Hz is near the middle, and none for the hopper and the walker.
+"""
 
 
-def gait_band(frequency: pd.Series) -> pd.Series:
-    """Whether frequencies [Hz] are within a fifth of :data:`GAIT`."""
-    return frequency.between(GAIT / 1.2, GAIT * 1.2)
+def gait_band(frequency: pd.Series, gait: float = GAIT) -> pd.Series:
+    """Whether frequencies [Hz] are within a fifth of a gait's."""
+    return frequency.between(gait / 1.2, gait * 1.2)
 
 
 def untrained_net(name: str, task: str, seed: int) -> GaussianPolicy:

@@ -1,8 +1,9 @@
 """Two controllers that have learned nothing of the state, and what they tell of the tasks.
 
-The *untrained* controller is the policy every learner of the chapter starts from: a
-Gaussian of mean 0 and standard deviation 1 on each motor.  The *metronome* drives each
-motor with a sine of its own, whatever the sensors say.
+The *untrained* controller is the noise every learner of the chapter starts with: a Gaussian
+of mean 0 and standard deviation 1 on each motor (learners add means of their own, see
+:mod:`thesis_lib.experiments.chapter5.first_means`).  The *metronome* drives each motor with a
+sine of its own, whatever the sensors say.
 """
 
 from __future__ import annotations
