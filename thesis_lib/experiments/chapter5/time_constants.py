@@ -222,7 +222,7 @@ SECTION_5_2_2_STABILITY = Experiment(
     title="Whether a continuous-time network is stable when its time constants are below the step",
     function=stability,
     budgets={
-        "smoke": StabilityConfig(ratios=(0.45, 0.9, 1.2), seeds=2),
+        "smoke": StabilityConfig(ratios=(0.45, 0.9, 1.0, 1.2), seeds=2),
         "book": StabilityConfig(),
         "thesis": StabilityConfig(),
     },
