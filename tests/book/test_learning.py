@@ -158,10 +158,10 @@ def test_figures_of_comparisons_draw_every_learner_and_setting() -> None:
     )
     ax = learning.options_figure(compared).axes[0]
     dots = [line for line in ax.lines if line.get_marker() == "o"]
-    assert [float(dot.get_xdata()[0]) for dot in dots] == [20.0, 25.0]  # per cent, of the size
+    assert [float(dot.get_xdata()[0]) for dot in dots] == [10.0, 5.0]
     assert [dot.get_markerfacecolor() == "white" for dot in dots] == [False, True]
     assert [t.get_text() for t in ax.get_yticklabels()] == [
-        "GRU, Hopper: trace=0.9",
-        "ESN, Ant: leak=1.0",
+        "GRU: trace 0.9",
+        "ESN: leak 1.0",
     ]
     plt.close("all")

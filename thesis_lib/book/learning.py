@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
@@ -361,7 +363,7 @@ def peers_table(curves: pd.DataFrame) -> pd.DataFrame:
 
 
 def options_figure(compared: pd.DataFrame, margin: float = 0.1) -> Figure:
-    """What changing a setting does to the return, as a share of the default's: a row a setting.
+    """What changing a setting does to the return, beside a share of the default's: a row a setting.
 
     Parameters
     ----------
@@ -371,18 +373,19 @@ def options_figure(compared: pd.DataFrame, margin: float = 0.1) -> Figure:
     margin
         Share within which a difference counts as none.
     """
-    fig, ax = plt.subplots(figsize=(7.2, 1.2 + 0.27 * len(compared)))
-    ax.axvspan(-100 * margin, 100 * margin, color="#e6e6e6", lw=0)
+    fig, ax = plt.subplots(figsize=(7.2, 1.0 + 0.27 * len(compared)))
     ax.axvline(0, color=PRINTED, lw=1)
     names = []
     for place, row in enumerate(compared.itertuples()):
-        share = 100 / abs(row.mean_reference)
         colour = STYLES[row.architecture][0]
-        ax.plot([share * row.low, share * row.high], [place, place], color=colour, lw=1.4)
+        none = margin * abs(row.mean_reference)
+        ax.plot([-none, none], [place, place], color="#d0d0d0", lw=7, solid_capstyle="butt")
+        ax.plot([row.low, row.high], [place, place], color=colour, lw=1.4)
         sure = row.p_holm < 0.05
-        ax.plot(share * row.difference, place, "o", color=colour, mfc=colour if sure else "white")
-        names.append(f"{NETWORKS[row.architecture]}, {row.task}: {row.changed}")
+        ax.plot(row.difference, place, "o", color=colour, mfc=colour if sure else "white")
+        changed = row.changed.replace("_", " ").replace("=", " ")
+        names.append(textwrap.fill(f"{NETWORKS[row.architecture]}: {changed}", 36))
     ax.set_yticks(range(len(names)), names, fontsize=8.5)
-    ax.set(ylim=(len(names) - 0.5, -0.5), xlabel="difference in return [% of the default's]")
+    ax.set(ylim=(len(names) - 0.5, -0.5), xlabel="difference in return")
     ax.grid(axis="y", visible=False)
     return fig
