@@ -75,9 +75,11 @@ def test_the_gait_band_is_one_for_page_and_claims() -> None:
 def test_gaits_and_first_means_are_told_by_their_middle_and_range() -> None:
     rows = [("Ant", "metronome", f) for f in (0.6, 1.0, 0.7)] + [("Hopper", "metronome", np.nan)]
     table = pd.DataFrame(rows, columns=["robot", "controller", "frequency"])
+    table = table.assign(seconds=10.0, distance=[5.0, 20.0, 12.0, 1.0])
     made = show.gait_table(table).set_index("robot")
     told = made["frequency [Hz]"].str.replace("\N{WORD JOINER}", "")
     assert told.to_dict() == {"Ant": "0.7 (0.6–1.0)", "Hopper": "–"}
+    assert made["speed [m/s]"].to_dict() == {"Ant": "1.2", "Hopper": "–"}
     assert made["fell early"].to_dict() == {"Ant": "0 of 3", "Hopper": "1 of 1"}
     means = pd.DataFrame({"net": ["gru", "gru"], "rms": [0.4, 0.8], "lean": [0.1, 0.2]})
     row = show.means_table(means).iloc[0].str.replace("\N{WORD JOINER}", "")

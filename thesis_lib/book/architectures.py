@@ -433,16 +433,18 @@ def gain_shares(own: pd.DataFrame, gait: float = GAIT) -> tuple[pd.Series, pd.Se
 
 
 def gait_table(table: pd.DataFrame) -> pd.DataFrame:
-    """Frequency of gaits by robot and controller: median, and range over episodes."""
+    """Frequency of gaits by robot and controller: median, and range over episodes; speed."""
     records = []
     for (robot, controller), own in table.groupby(["robot", "controller"], sort=False):
         beats = own.frequency.dropna()
         told = f"{beats.median():.1f} ({_range(beats.min(), beats.max(), 1)})"
+        speed = (own.distance / own.seconds).median()
         records.append(
             {
                 "robot": robot,
                 "controller": controller,
                 "frequency [Hz]": told if len(beats) else "–",
+                "speed [m/s]": f"{speed:.1f}" if len(beats) else "–",
                 "fell early": f"{len(own) - len(beats)} of {len(own)}",
             }
         )
