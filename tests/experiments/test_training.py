@@ -223,7 +223,7 @@ def _gram(run: Training) -> bool:
 
 
 def _head(run: Training) -> float:
-    return float(run.policy.head.weight.abs().max())
+    return float(run.policy.head.weight.detach().abs().max())
 
 
 def _baseline_of(run: Training) -> tuple[str, str]:
@@ -416,6 +416,7 @@ GONE, HELD = object(), ("config", "policy", "baseline", "rows", "iteration")
         ({"iteration": "three"}, "has no iteration"),
         ({"iteration": 2}, "has another curve than that of its 2 iterations"),
         ({"rows": [{}, {}, {}]}, "has another curve than that of its 3 iterations"),
+        ({"rows": [1, 2, 3]}, "has another curve than that of its 3 iterations"),
         ({"baseline": {}}, "has a baseline that does not fit this run"),
         ({"baseline": {"weights": torch.ones(7)}}, "has a baseline that does not fit this run"),
         (

@@ -647,7 +647,8 @@ class Training:
                 raise _foreign(path, "no state of ppo") from error
         self.iteration = content["iteration"]
         self.rows = content["rows"]
-        if [row.get("iteration") for row in self.rows] != list(range(1, self.iteration + 1)):
+        whole = (r for r in self.rows if isinstance(r, dict) and "steps" in r)
+        if [r.get("iteration") for r in whole] != list(range(1, self.iteration + 1)):
             raise _foreign(path, f"another curve than that of its {self.iteration} iterations")
 
 
