@@ -72,6 +72,18 @@ def test_the_gait_band_is_one_for_page_and_claims() -> None:
     assert (gait[0], fast[0], ratio[0]) == (0.5, 0.25, 0.5)
 
 
+def test_gains_after_training_are_told_at_the_gait_asked_for() -> None:
+    rows = [
+        (stage, f, gain)
+        for stage, scale in (("before", 1.0), ("after", 0.5))
+        for f, gain in ((0.2, 1.0), (2.0, 0.8 * scale), (4.0, 0.4 * scale), (20.0, 0.2 * scale))
+    ]
+    table = pd.DataFrame(rows, columns=["stage", "frequency", "gain"]).assign(net="GRU", seed=0)
+    row = show.trained_table(table, 4.0).iloc[0].str.replace("\N{WORD JOINER}", "")
+    assert row["about 4 Hz"] == "0.40 → 0.20 (0.20–0.20)"
+    assert row["noise / gait"] == "0.50 → 0.50 (0.50–0.50)"
+
+
 def test_gaits_and_first_means_are_told_by_their_middle_and_range() -> None:
     rows = [("Ant", "metronome", f) for f in (0.6, 1.0, 0.7)] + [("Hopper", "metronome", np.nan)]
     table = pd.DataFrame(rows, columns=["robot", "controller", "frequency"])

@@ -18,9 +18,6 @@ from thesis_lib.locomotion.robots import ROBOTS
 
 Point = tuple[float, float]
 
-BANDS = (f"about {GAIT:g} Hz", f"above {FAST:g} Hz", "noise / gait")
-"""Headings of what :func:`gain_shares` gives."""
-
 INK = "#222222"
 PALE = "#eef3f7"
 INPUT, RECURRENT, OUTPUT = COLOURS[0], COLOURS[2], COLOURS[1]
@@ -318,6 +315,11 @@ def gains(table: pd.DataFrame) -> Figure:
     return fig
 
 
+def bands(gait: float = GAIT) -> tuple[str, str, str]:
+    """Headings of what :func:`gain_shares` gives for a gait's frequency [Hz]."""
+    return f"about {gait:g} Hz", f"above {FAST:g} Hz", "noise / gait"
+
+
 def gain_table(table: pd.DataFrame) -> pd.DataFrame:
     """What each network leaves of a gait's frequency and of noise, over slow signals."""
     records = []
@@ -325,7 +327,7 @@ def gain_table(table: pd.DataFrame) -> pd.DataFrame:
         shares = gain_shares(own)
         stable = own.groupby("seed").small_signal_gain.apply(lambda g: g.notna().all())
         row: dict[str, object] = {"network": net}
-        for name, share in zip(BANDS, shares, strict=True):
+        for name, share in zip(bands(), shares, strict=True):
             row[name] = f"{share.mean():.2f} ({_range(share.min(), share.max(), 2)})"
         row["stable at rest"] = f"{stable.sum()} of {len(stable)}"
         records.append(row)
@@ -371,13 +373,21 @@ def trained_gains(table: pd.DataFrame) -> Figure:
     return fig
 
 
-def trained_table(table: pd.DataFrame) -> pd.DataFrame:
-    """What :func:`gain_table` shows, before and after training: mean and range over networks."""
+def trained_table(table: pd.DataFrame, gait: float = GAIT) -> pd.DataFrame:
+    """What :func:`gain_table` shows, before and after training: mean and range over networks.
+
+    Parameters
+    ----------
+    table
+        Table ``section-5.2-gain-trained``.
+    gait
+        Frequency of the robot's gait [Hz].
+    """
     records = []
     for net, own in table.groupby("net", sort=False):
         row: dict[str, object] = {"network": net}
-        ends = [gain_shares(own[own.stage == stage]) for stage in STAGES]
-        for name, before, after in zip(BANDS, *ends, strict=True):
+        ends = [gain_shares(own[own.stage == stage], gait) for stage in STAGES]
+        for name, before, after in zip(bands(gait), *ends, strict=True):
             found = _range(after.min(), after.max(), 2)
             row[name] = f"{before.mean():.2f} → {after.mean():.2f} ({found})"
         records.append(row)
