@@ -101,6 +101,22 @@ def test_step_sizes_are_the_printed_ones() -> None:
         assert float(table.DFFWD[task].strip("*")) == used
 
 
+def test_runs_by_step_size() -> None:
+    rows = [
+        ("Swimmer", "dffwd-softplus", variant, seed, i, seed + gain * i)
+        for variant, gain in (("delta_kl=0.02", 0.0), ("default", 2.0))
+        for seed in (0, 4)
+        for i in range(1, 8)
+    ]
+    columns = ["task", "architecture", "variant", "seed", "iteration", "mean_return"]
+    table = learning.first_and_last(pd.DataFrame(rows, columns=columns), last=3)
+    assert table["bound [nat]"].tolist() == [0.1, 0.02]
+    half = stats.t.ppf(0.975, 1) * 2  # of 0 and 4: sd / sqrt(2) is 2
+    assert table["first batch"].tolist() == [f"4.0 ± {half:.1f}", f"2.0 ± {half:.1f}"]
+    assert table["last 3"].tolist() == [f"14.0 ± {half:.1f}", f"2.0 ± {half:.1f}"]
+    assert table.gained.tolist() == ["2 of 2", "0 of 2"]
+
+
 def peers() -> pd.DataFrame:
     """Curves of four learners on one task, twelve batches, three seeds."""
     generator = np.random.default_rng(0)

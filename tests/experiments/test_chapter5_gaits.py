@@ -9,7 +9,7 @@ import torch
 
 from thesis_lib.book import architectures as show
 from thesis_lib.claims import Claim, Verdict
-from thesis_lib.claims.chapter5 import OPTION_CLAIMS
+from thesis_lib.claims.chapter5 import CLAIMS
 from thesis_lib.experiments.base import Context
 from thesis_lib.experiments.chapter5.architectures import GAIT, untrained_net
 from thesis_lib.experiments.chapter5.first_means import SECTION_5_4_FIRST_MEANS, FirstMeansConfig
@@ -151,7 +151,7 @@ def test_memory_table_tells_unstable_networks_from_slow_ones() -> None:
 
 
 # -------------------------------------------------------------------------------------- settings
-BY_ID: dict[str, Claim] = {claim.id: claim for claim in OPTION_CLAIMS}
+BY_ID: dict[str, Claim] = {claim.id: claim for claim in CLAIMS}
 
 
 def options(**rows: tuple[float, float]) -> dict[str, pd.DataFrame]:

@@ -171,6 +171,26 @@ def improvement(curves: pd.DataFrame, last: int = 5) -> pd.DataFrame:
     return made.set_index(["task", "architecture"])
 
 
+def first_and_last_returns(curves: pd.DataFrame, last: int = 5) -> pd.DataFrame:
+    """Return of each run's first batch, and of its last ones.
+
+    Parameters
+    ----------
+    curves
+        Runs told apart by ``variant`` and ``seed``.
+    last
+        Batches at the end that are averaged.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``variant``, ``seed``, ``first`` and ``last``.
+    """
+    by = curves.sort_values("iteration").groupby(["variant", "seed"]).mean_return
+    ends = by.agg(first="first", last=lambda values: values.iloc[-last:].mean())
+    return ends.reset_index()
+
+
 def first_and_last(curves: pd.DataFrame, last: int = 5) -> pd.DataFrame:
     """Return of the first batch and of the last ones by bound on the divergence.
 
@@ -188,18 +208,16 @@ def first_and_last(curves: pd.DataFrame, last: int = 5) -> pd.DataFrame:
         half-width of their 95% Student interval, and in how many runs the end is above the
         start.
     """
+    run = curves.iloc[0]
+    plain = step_size(TrainConfig(task=run.task, architecture=run.architecture))
     records = []
-    for name, own in curves.groupby("variant"):
-        wide = own.pivot(index="iteration", columns="seed", values="mean_return")
-        start, end = wide.iloc[0], wide.iloc[-last:].mean()
-        run = own.iloc[0]
-        plain = step_size(TrainConfig(task=run.task, architecture=run.architecture))
+    for name, ends in first_and_last_returns(curves, last).groupby("variant"):
         delta = plain if name == DEFAULT else float(parse_variant(str(name))["delta_kl"])
-        row: dict[str, object] = {"bound [nat]": delta, "runs": len(end)}
-        for part, values in (("first batch", start), (f"last {last}", end)):
-            found = mean_ci(values)
-            row[part] = f"{found.mean:.1f} ± {found.half_width:.1f}".replace("-", "−")
-        row["gained"] = f"{int((end > start).sum())} of {len(end)}"
+        row: dict[str, object] = {"bound [nat]": delta, "runs": len(ends)}
+        for heading, part in (("first batch", "first"), (f"last {last}", "last")):
+            found = mean_ci(ends[part])
+            row[heading] = f"{found.mean:.1f} ± {found.half_width:.1f}".replace("-", "−")
+        row["gained"] = f"{int((ends['last'] > ends['first']).sum())} of {len(ends)}"
         records.append(row)
     return pd.DataFrame(records).sort_values("bound [nat]", ascending=False, ignore_index=True)
 
