@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import errno
 import os
 import shlex
 import sys
@@ -407,6 +408,10 @@ def _text(table: pd.DataFrame, most: int = 60) -> str:
     return shown.to_string(index=False, float_format=lambda v: f"{v:.5g}") + note
 
 
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What the system says when a disk, a quota or a limit of size leaves no room."""
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of the command ``thesis``; returns the exit status."""
     arguments = list(sys.argv[1:] if argv is None else argv)
@@ -439,6 +444,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The reader of our output, such as `head`, has seen enough.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:
+        if error.errno not in FULL:
+            raise
+        where = f" {error.filename!r}" if error.filename else ""
+        print(
+            f"thesis: cannot write{where} ({error.strerror}): make room and give the command "
+            "again; no file was left half written.",
+            file=sys.stderr,
+        )
+        return 1
     except KeyboardInterrupt:
         print("thesis: interrupted; no file was left half written.", file=sys.stderr)
         return 130

@@ -1,5 +1,6 @@
 """Trained policies come back from the file of a sweep as they were."""
 
+import errno
 from pathlib import Path
 
 import numpy as np
@@ -104,3 +105,21 @@ def test_a_file_of_something_else(content: object, tmp_path: Path) -> None:
     torch.save(content, tmp_path / "policies.pt")
     with pytest.raises(ValueError, match="is not a file of policies of `thesis sweep`"):
         TrainedPolicies(tmp_path / "policies.pt")
+
+
+def test_a_full_disk_is_one_sentence(
+    swept: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def full(self: Path, data: object) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device", str(self))
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    command = ["sweep", "--tasks", "swimmer", "--architectures", "esn", "--iterations", "2"]
+    sizes = ["--batch-steps", "100", "--horizon", "20", "--runs-in", str(swept / "runs")]
+    assert cli.main([*command, *sizes, "--out", str(tmp_path)]) == 1
+    error = capsys.readouterr().err
+    assert "(No space left on device): make room and give the command again" in error
+    assert not list(tmp_path.glob("*policies*"))

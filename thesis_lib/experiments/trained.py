@@ -13,8 +13,7 @@ from typing import Any
 
 import torch
 
-from thesis_lib.experiments.base import replacing
-from thesis_lib.experiments.training import TrainConfig, Training
+from thesis_lib.experiments.training import TrainConfig, Training, write_tensors
 
 FORMAT = 1
 """Format of the file."""
@@ -38,8 +37,7 @@ def write_policies(runs: Sequence[tuple[str, Path]], path: Path | str) -> None:
             "iteration": run.iteration,
             "parameters": run.policy.parameter_vector(),
         }
-    with replacing(Path(path)) as temporary:
-        torch.save({"format": FORMAT, "policies": policies}, temporary)
+    write_tensors({"format": FORMAT, "policies": policies}, Path(path))
 
 
 class TrainedPolicies:

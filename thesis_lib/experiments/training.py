@@ -557,12 +557,8 @@ class Training:
             "rows": self.rows,
         }
         path = folder / "checkpoint.pt"
-        # By way of the memory: writing by itself, torch would not say why it cannot.
-        checkpoint = BytesIO()
-        torch.save(content, checkpoint)
         # In this order: what the record says is done is in the checkpoint.
-        with replacing(path) as temporary:
-            temporary.write_bytes(checkpoint.getbuffer())
+        write_tensors(content, path)
         with replacing(folder / "curve.csv") as temporary:
             self.curve.to_csv(temporary, index=False)
         with replacing(folder / "run.json") as temporary:
@@ -654,6 +650,17 @@ class Training:
 
 _CONTENT = {"config": dict, "iteration": int, "policy": dict, "baseline": dict, "rows": list}
 """What every checkpoint holds besides its format."""
+
+
+def write_tensors(content: object, path: Path) -> None:
+    """Write what ``torch.save`` takes, aside and renamed.
+
+    It goes by way of the memory: writing by itself, torch would not say why it cannot.
+    """
+    buffer = BytesIO()
+    torch.save(content, buffer)
+    with replacing(path) as temporary:
+        temporary.write_bytes(buffer.getbuffer())
 
 
 def _foreign(path: Path | str, what: str) -> ValueError:
