@@ -114,7 +114,7 @@ def peer(
             "MlpPolicy",
             vector,
             n_steps=per_world,
-            target_kl=DELTA / action_dimensions(task) if target_kl is None else target_kl,
+            target_kl=target_kl or DELTA / vector.action_space.shape[0],
             cg_damping=PEER_DAMPING,
             seed=seed,
             device="cpu",

@@ -109,7 +109,11 @@ def test_runs_by_step_size() -> None:
         for i in range(1, 8)
     ]
     columns = ["task", "architecture", "variant", "seed", "iteration", "mean_return"]
-    table = learning.first_and_last(pd.DataFrame(rows, columns=columns), last=3)
+    curves = pd.DataFrame(rows, columns=columns).assign(
+        terrain="flat", precision="float32", steps=1, accepted=True
+    )
+    curves = curves.assign(sampling_seconds=1.0, update_seconds=1.0, wall_seconds=1.0)
+    table = learning.first_and_last(curves, last=3)
     assert table["bound [nat]"].tolist() == [0.1, 0.02]
     half = stats.t.ppf(0.975, 1) * 2  # of 0 and 4: sd / sqrt(2) is 2
     assert table["first batch"].tolist() == [f"4.0 ± {half:.1f}", f"2.0 ± {half:.1f}"]

@@ -1,6 +1,7 @@
 """Trained policies come back from the file of a sweep as they were."""
 
 import errno
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import torch
 
 from thesis_lib import cli
+from thesis_lib.experiments.base import load
 from thesis_lib.experiments.evaluation import EvaluateConfig, evaluate
 from thesis_lib.experiments.sweep import Grid, run_name, write
 from thesis_lib.experiments.trained import TrainedPolicies
@@ -105,6 +107,20 @@ def test_a_file_of_something_else(content: object, tmp_path: Path) -> None:
     torch.save(content, tmp_path / "policies.pt")
     with pytest.raises(ValueError, match="is not a file of policies of `thesis sweep`"):
         TrainedPolicies(tmp_path / "policies.pt")
+
+
+def test_a_broken_checkpoint_leaves_the_others_alone(swept: Path, tmp_path: Path) -> None:
+    configs = Grid(("swimmer",), architectures=("esn", "lstm")).runs(BASE)
+    for config in configs:
+        shutil.copytree(swept / "runs" / run_name(config), tmp_path / run_name(config))
+    (tmp_path / run_name(configs[0]) / "checkpoint.pt").write_text("rain")
+    write(configs, tmp_path, tmp_path, command="thesis sweep")
+    assert TrainedPolicies(tmp_path / "policies.pt").names == ("swimmer-flat-lstm-0-float32",)
+    curves, record = load("curves", tmp_path)
+    assert len(curves) == 4  # both learning curves are whole
+    errors = [run.get("error") for run in record["runs"]]
+    assert errors[1] is None
+    assert "is not a checkpoint of `thesis train`" in errors[0]
 
 
 def test_a_full_disk_is_one_sentence(

@@ -261,17 +261,25 @@ def size_table(table: pd.DataFrame) -> pd.DataFrame:
 
 
 # -------------------------------------------------------------------------------------- filters
-def _panels(names: Iterable[str], height: float) -> tuple[Figure, np.ndarray, Axes]:
-    """Small multiples, three a row, with one more for the legend."""
+def _panels(
+    names: Iterable[str], height: float, *, spare: bool = True
+) -> tuple[Figure, np.ndarray, Axes]:
+    """Small multiples, three a row; last, where the legend goes: one more, or the first."""
     names = list(names)
-    lines = -(-(len(names) + 1) // 3)
+    lines = -(-(len(names) + spare) // 3)
     fig, axes = plt.subplots(lines, 3, figsize=(7.2, height), sharex=True, sharey=True)
     for ax, name in zip(axes.flat, names, strict=False):
         ax.set_title(name, fontsize=10)
         ax.tick_params(labelsize=8.5)
     for ax in axes.flat[len(names) :]:
         ax.axis("off")
-    return fig, axes.flat[: len(names)], axes.flat[len(names)]
+    return fig, axes.flat[: len(names)], axes.flat[len(names) if spare else 0]
+
+
+def _logarithmic(n: int) -> list[np.ndarray]:
+    """Rows 0 to n - 1 in at most 40 runs, about equally wide on a logarithmic axis."""
+    bins = np.unique(np.geomspace(1, n, 40).astype(int) - 1)
+    return np.split(np.arange(n), bins[1:])
 
 
 def responses(table: pd.DataFrame) -> Figure:
@@ -297,10 +305,9 @@ def gains(table: pd.DataFrame) -> Figure:
     fig, axes, spare = _panels(table.net.unique(), 5.6)
     for ax, (_, own) in zip(axes, table.groupby("net", sort=False), strict=True):
         for _, one in own.groupby("seed"):
-            slow = one.frequency < 0.5
+            slow = one.frequency < SLOW
             f, scale = one.frequency, one.gain[slow].mean()
-            bins = np.unique(np.geomspace(1, len(f), 40).astype(int) - 1)
-            parts = np.split(np.arange(len(f)), bins[1:])
+            parts = _logarithmic(len(f))
             x = [f.iloc[p].mean() for p in parts]
             ax.loglog(x, [one.gain.iloc[p].mean() / scale for p in parts], color=COLOURS[0], lw=0.9)
             small = one.small_signal_gain
@@ -311,7 +318,7 @@ def gains(table: pd.DataFrame) -> Figure:
     spare.plot([], color=COLOURS[1], ls="--", label="linearised at rest")
     spare.legend(loc="center", fontsize=9)
     fig.supxlabel("frequency [Hz]", fontsize=11)
-    fig.supylabel("gain / gain below 0.5 Hz", fontsize=11)
+    fig.supylabel(f"gain / gain below {SLOW:g} Hz", fontsize=11)
     return fig
 
 
@@ -343,33 +350,23 @@ def trained_gains(table: pd.DataFrame) -> Figure:
 
     Lines are geometric means over networks, and bands go from the least to the largest.
     """
-    nets = table.net.unique()
-    lines = -(-len(nets) // 3)
-    fig, axes = plt.subplots(
-        lines, 3, figsize=(7.2, 2.3 * lines), sharex=True, sharey=True, squeeze=False
-    )
-    for ax, net in zip(axes.flat, nets, strict=False):
-        own = table[table.net == net]
-        ax.set_title(net, fontsize=10)
-        ax.tick_params(labelsize=8.5)
+    fig, axes, legend = _panels(table.net.unique(), 4.6, spare=False)
+    for ax, (_, own) in zip(axes, table.groupby("net", sort=False), strict=True):
         for stage, (colour, style) in STAGES.items():
             wide = own[own.stage == stage].pivot(index="frequency", columns="seed", values="gain")
-            wide /= wide[wide.index < 0.5].mean()
-            bins = np.unique(np.geomspace(1, len(wide), 40).astype(int) - 1)
-            parts = np.split(np.arange(len(wide)), bins[1:])
+            wide /= wide[wide.index < SLOW].mean()
+            parts = _logarithmic(len(wide))
             logs = np.log(np.array([wide.iloc[p].mean() for p in parts]))
             x = [wide.index[p].to_numpy().mean() for p in parts]
             ax.loglog(x, np.exp(logs.mean(axis=1)), style, color=colour, lw=1.4)
             low, high = np.exp(logs.min(axis=1)), np.exp(logs.max(axis=1))
             ax.fill_between(x, low, high, color=colour, alpha=0.2, lw=0)
-    axes[0, 0].set(ylim=(5e-3, 12), xlim=(table.frequency.min(), table.frequency.max()))
-    for ax in axes.flat[len(nets) :]:
-        ax.axis("off")
+    axes[0].set(ylim=(5e-3, 12), xlim=(table.frequency.min(), table.frequency.max()))
     for stage, (colour, style) in STAGES.items():
-        axes[0, 0].plot([], ls=style, color=colour, label=f"{stage} training")
-    axes[0, 0].legend(loc="lower left", fontsize=8.5)
+        legend.plot([], ls=style, color=colour, label=f"{stage} training")
+    legend.legend(loc="lower left", fontsize=8.5)
     fig.supxlabel("frequency [Hz]", fontsize=11)
-    fig.supylabel("gain / gain below 0.5 Hz", fontsize=11)
+    fig.supylabel(f"gain / gain below {SLOW:g} Hz", fontsize=11)
     return fig
 
 

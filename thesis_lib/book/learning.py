@@ -13,7 +13,7 @@ from scipy import stats
 
 from thesis_lib.book.architectures import NETWORKS
 from thesis_lib.book.style import COLOURS, PRINTED
-from thesis_lib.experiments.sweep import DEFAULT, parse_variant
+from thesis_lib.experiments.sweep import DEFAULT, parse_variant, summary
 from thesis_lib.experiments.training import TrainConfig, step_size, table_5_1
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.stats import Summary, holm, mean_ci, welch
@@ -171,33 +171,14 @@ def improvement(curves: pd.DataFrame, last: int = 5) -> pd.DataFrame:
     return made.set_index(["task", "architecture"])
 
 
-def first_and_last_returns(curves: pd.DataFrame, last: int = 5) -> pd.DataFrame:
-    """Return of each run's first batch, and of its last ones.
-
-    Parameters
-    ----------
-    curves
-        Runs told apart by ``variant`` and ``seed``.
-    last
-        Batches at the end that are averaged.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns ``variant``, ``seed``, ``first`` and ``last``.
-    """
-    by = curves.sort_values("iteration").groupby(["variant", "seed"]).mean_return
-    ends = by.agg(first="first", last=lambda values: values.iloc[-last:].mean())
-    return ends.reset_index()
-
-
 def first_and_last(curves: pd.DataFrame, last: int = 5) -> pd.DataFrame:
     """Return of the first batch and of the last ones by bound on the divergence.
 
     Parameters
     ----------
     curves
-        Several seeds of one network on one task with variants of ``delta_kl``.
+        Several seeds of one network on one task with variants of ``delta_kl``, as a sweep
+        merges them.
     last
         Batches at the end that are averaged.
 
@@ -211,13 +192,13 @@ def first_and_last(curves: pd.DataFrame, last: int = 5) -> pd.DataFrame:
     run = curves.iloc[0]
     plain = step_size(TrainConfig(task=run.task, architecture=run.architecture))
     records = []
-    for name, ends in first_and_last_returns(curves, last).groupby("variant"):
+    for name, ends in summary(curves, last).groupby("variant"):
         delta = plain if name == DEFAULT else float(parse_variant(str(name))["delta_kl"])
         row: dict[str, object] = {"bound [nat]": delta, "runs": len(ends)}
-        for heading, part in (("first batch", "first"), (f"last {last}", "last")):
+        for heading, part in (("first batch", "first_return"), (f"last {last}", "last_return")):
             found = mean_ci(ends[part])
             row[heading] = f"{found.mean:.1f} ± {found.half_width:.1f}".replace("-", "−")
-        row["gained"] = f"{int((ends['last'] > ends['first']).sum())} of {len(ends)}"
+        row["gained"] = f"{int((ends.last_return > ends.first_return).sum())} of {len(ends)}"
         records.append(row)
     return pd.DataFrame(records).sort_values("bound [nat]", ascending=False, ignore_index=True)
 

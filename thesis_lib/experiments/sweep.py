@@ -422,13 +422,15 @@ def merged(configs: Sequence[TrainConfig], runs: Path | str) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)[columns] if parts else pd.DataFrame(columns=columns)
 
 
-def summary(curves: pd.DataFrame) -> pd.DataFrame:
+def summary(curves: pd.DataFrame, last: int = LAST) -> pd.DataFrame:
     """What each run came to.
 
     Parameters
     ----------
     curves
         From :func:`merged`.
+    last
+        Batches whose mean return says how well a net did at the end.
 
     Returns
     -------
@@ -445,7 +447,7 @@ def summary(curves: pd.DataFrame) -> pd.DataFrame:
                 "iterations": len(curve),
                 "steps": steps,
                 "first_return": returns.iloc[0],
-                "last_return": returns.tail(LAST).mean(),
+                "last_return": returns.tail(last).mean(),
                 "best_return": returns.max(),
                 "average_return": returns.mean(),
                 "rejected": int((~curve.accepted.astype(bool)).sum()),
@@ -580,6 +582,9 @@ def write(
     """
     folder = writable_directory(out)
     curves = merged(configs, runs)
+    begun = [(run_name(c), Path(runs) / run_name(c)) for c in configs]
+    begun = [(name, run) for name, run in begun if (run / "checkpoint.pt").exists()]
+    left_out = write_policies(begun, folder / "policies.pt")
     record: dict[str, Any] = {
         "id": "curves",
         "title": "Learning curves of a sweep.",
@@ -590,7 +595,7 @@ def write(
         "processor_seconds": round(
             float(curves.sampling_seconds.sum() + curves.update_seconds.sum()), 1
         ),
-        "runs": [_run_record(c, runs, errors or {}) for c in configs],
+        "runs": [_run_record(c, runs, left_out | dict(errors or {})) for c in configs],
         "rows": len(curves),
         "columns": dict(CURVES_COLUMNS),
         "written": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
@@ -604,8 +609,6 @@ def write(
             record["compared_columns"] = dict(PAIRED_COLUMNS)
             with replacing(folder / name) as temporary:
                 compared(curves, column).to_csv(temporary, index=False, float_format="%.6g")
-    begun = [(run_name(c), Path(runs) / run_name(c)) for c in configs]
-    write_policies([r for r in begun if (r[1] / "checkpoint.pt").exists()], folder / "policies.pt")
     with replacing(folder / "curves.json") as temporary:
         temporary.write_text(json.dumps(record, indent=1) + "\n")
     return curves

@@ -19,8 +19,8 @@ FORMAT = 1
 """Format of the file."""
 
 
-def write_policies(runs: Sequence[tuple[str, Path]], path: Path | str) -> None:
-    """Put the policies of runs into one file.
+def write_policies(runs: Sequence[tuple[str, Path]], path: Path | str) -> dict[str, str]:
+    """Put the policies of runs into one file; one that cannot be read leaves the others alone.
 
     Parameters
     ----------
@@ -28,16 +28,27 @@ def write_policies(runs: Sequence[tuple[str, Path]], path: Path | str) -> None:
         A name for each run, and the directory of its checkpoint.
     path
         The file, such as ``policies.pt``.
+
+    Returns
+    -------
+    dict
+        Why a run's policy is left out, by name.
     """
     policies: dict[str, Any] = {}
+    unread: dict[str, str] = {}
     for name, directory in runs:
-        run = Training.load(directory)
+        try:
+            run = Training.load(directory)
+        except ValueError as error:
+            unread[name] = str(error)
+            continue
         policies[name] = {
             "config": dataclasses.asdict(run.config),
             "iteration": run.iteration,
             "parameters": run.policy.parameter_vector(),
         }
     write_tensors({"format": FORMAT, "policies": policies}, Path(path))
+    return unread
 
 
 class TrainedPolicies:

@@ -134,22 +134,13 @@ def small_signal_gain(
     ValueError
         When the network does not come to rest, or would not return to it.
     """
-    net = deepcopy(policy).double()  # double() works in place
-    state = net.initial_state(1).detach()
-    zero = torch.zeros((1, net.observation_size), dtype=torch.float64)
+    net, state, change = _without_input(policy, settle)
+    if change >= SETTLED:
+        raise ValueError(
+            f"the {policy.architecture} network still moves by {change:.2g} a step after "
+            f"{settle} steps without input: a small-signal gain needs a network at rest."
+        )
     action = torch.zeros((1, net.action_size), dtype=torch.float64)
-    with torch.no_grad():
-        for _ in range(settle):
-            _, after = net.step(zero, action, state)
-            change = float((after - state).abs().max()) if state.numel() else 0.0
-            state = after
-            if change < SETTLED:
-                break
-        else:
-            raise ValueError(
-                f"the {policy.architecture} network still moves by {change:.2g} a step after "
-                f"{settle} steps without input: a small-signal gain needs a network at rest."
-            )
     along = torch.as_tensor(np.asarray(direction, dtype=np.float64))[None]
 
     def step(x: torch.Tensor, s: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
@@ -164,7 +155,7 @@ def small_signal_gain(
     (d_mean, d_state) = torch.autograd.functional.jacobian(step, (origin, state[0]))
     direct, from_state = (np.asarray(d) for d in d_mean)  # (A, 1), (A, S)
     b, A = (np.asarray(d) for d in d_state)  # (S, 1), (S, S)
-    growth = np.abs(np.linalg.eigvals(A)).max()
+    growth = _largest(A)
     if growth >= 1:
         raise ValueError(
             f"the {policy.architecture} network is unstable at rest (a disturbance grows by "
@@ -177,3 +168,59 @@ def small_signal_gain(
         response = from_state @ np.linalg.solve(z * identity - A, b) + direct
         gains.append(np.abs(response[:, 0]))
     return np.array(gains)
+
+
+def growth_at_rest(policy: GaussianPolicy) -> float:
+    """Factor a step by which the slowest small change of a resting network's state grows.
+
+    The largest modulus among the eigenvalues of the state's Jacobian, at the initial state and
+    without input; 0 for a network without state.  Below 1 the network is stable at rest and
+    a change fades with the time constant -dt / log(growth).
+
+    Raises
+    ------
+    ValueError
+        When the network moves without input and so is not at rest where it starts.
+    """
+    if policy.state_size == 0:
+        return 0.0
+    net, rest, moved = _without_input(policy, 1)
+    if moved >= SETTLED:
+        raise ValueError(
+            f"the {policy.architecture} network moves by {moved:.2g} in its first step without "
+            "input: its initial state must be one of rest."
+        )
+    zero = torch.zeros((1, net.observation_size), dtype=torch.float64)
+    action = torch.zeros((1, net.action_size), dtype=torch.float64)
+    slope = torch.autograd.functional.jacobian(
+        lambda state: net.step(zero, action, state[None])[1][0], rest[0]
+    )
+    return _largest(np.asarray(slope))
+
+
+def _without_input(
+    policy: GaussianPolicy, steps: int
+) -> tuple[GaussianPolicy, torch.Tensor, float]:
+    """A copy in float64, its state once it rests without input, and how far it last moved.
+
+    It makes at most so many steps from the initial state, and is at rest if it last moved by
+    less than :data:`SETTLED`.
+    """
+    net = deepcopy(policy).double()  # double() works in place
+    state = net.initial_state(1).detach()
+    zero = torch.zeros((1, net.observation_size), dtype=torch.float64)
+    action = torch.zeros((1, net.action_size), dtype=torch.float64)
+    change = np.inf
+    with torch.no_grad():
+        for _ in range(steps):
+            _, after = net.step(zero, action, state)
+            change = float((after - state).abs().max()) if state.numel() else 0.0
+            state = after
+            if change < SETTLED:
+                break
+    return net, state, change
+
+
+def _largest(matrix: FloatArray) -> float:
+    """Spectral radius."""
+    return float(np.abs(np.linalg.eigvals(matrix)).max())

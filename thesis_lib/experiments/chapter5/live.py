@@ -8,7 +8,13 @@ from functools import lru_cache
 import pandas as pd
 
 from thesis_lib.experiments.base import Context, Experiment
-from thesis_lib.experiments.training import CURVE_COLUMNS, TrainConfig, Training, step_size
+from thesis_lib.experiments.training import (
+    CURVE_COLUMNS,
+    TrainConfig,
+    Training,
+    step_size,
+    train,
+)
 
 
 @dataclass(frozen=True)
@@ -43,10 +49,7 @@ class LiveConfig:
 @lru_cache(maxsize=8)
 def trained(run: TrainConfig) -> Training:
     """A run brought to its last iteration; the same settings give the same one."""
-    training = Training(run)
-    for _ in range(run.iterations):
-        training.step()
-    return training
+    return train(run)
 
 
 def live(config: LiveConfig, context: Context) -> pd.DataFrame:

@@ -2,7 +2,6 @@ r"""How long networks remember: gates before training, and reservoirs by spectra
 
 from __future__ import annotations
 
-from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +19,7 @@ from thesis_lib.experiments.chapter5.architectures import (
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.locomotion.tasks import make_task
 from thesis_lib.policies import ESN, LSTM, GaussianPolicy, make_policy
-from thesis_lib.policies.response import SETTLED, respond
+from thesis_lib.policies.response import growth_at_rest, respond
 
 FloatArray = NDArray[np.float64]
 
@@ -52,39 +51,6 @@ def open_lstm(task: str, seed: int) -> GaussianPolicy:
         # Gates are stacked in the order input, forget, output, cell.
         net.input.weight[net.units : 3 * net.units].zero_()
     return net
-
-
-def growth_at_rest(policy: GaussianPolicy) -> float:
-    """Factor a step by which the slowest small change of a resting network's state grows.
-
-    The largest modulus among the eigenvalues of the state's Jacobian, at the state and
-    without input; 0 for a network without state.  Below 1 the network is stable at rest and
-    a change fades with the time constant -dt / log(growth).
-
-    Raises
-    ------
-    ValueError
-        When the network moves without input and so is not at rest where it starts.
-    """
-    net = deepcopy(policy).double()  # double() works in place
-    if net.state_size == 0:
-        return 0.0
-    observation = torch.zeros((1, net.observation_size), dtype=torch.float64)
-    action = torch.zeros((1, net.action_size), dtype=torch.float64)
-    rest = net.initial_state(1).detach()[0]
-
-    def after(state: torch.Tensor) -> torch.Tensor:
-        return net.step(observation, action, state[None])[1][0]
-
-    with torch.no_grad():
-        moved = float((after(rest) - rest).abs().max())
-    if moved > SETTLED:
-        raise ValueError(
-            f"the {policy.architecture} network moves by {moved:.2g} in its first step without "
-            "input: its initial state must be one of rest."
-        )
-    slope = torch.autograd.functional.jacobian(after, rest)
-    return float(np.abs(np.linalg.eigvals(slope.numpy())).max())
 
 
 # -------------------------------------------------------------------------------------- impulse

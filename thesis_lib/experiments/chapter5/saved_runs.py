@@ -28,7 +28,7 @@ PEERS_COLUMNS: Mapping[str, str] = {
     "side": "ours (neural baseline), linear (ours, linear baseline) or peer (sb3-contrib's TRPO)",
     "seed": "seed of the run",
     "batch": "batches so far",
-    "steps": "steps asked for so far; whole episodes take about 1% more",
+    "steps": "steps asked for so far; whole episodes of ours take a little more",
     "mean_return": "mean return of the batch's episodes; of the peer, of those that ended in it",
 }
 """Columns of the comparison with another library, which ``benchmarks/sb3_learners.py`` makes."""

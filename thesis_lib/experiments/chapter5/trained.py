@@ -11,7 +11,7 @@ import pandas as pd
 from thesis_lib.experiments.base import Context, Experiment, repository_root
 from thesis_lib.experiments.chapter5.architectures import GainConfig, gains_of, random_direction
 from thesis_lib.experiments.trained import TrainedPolicies
-from thesis_lib.experiments.training import Training
+from thesis_lib.experiments.training import Training, make_run_policy
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.policies import CTRNN
 
@@ -50,7 +50,7 @@ def gains(config: TrainedConfig, context: Context) -> pd.DataFrame:
         dt = ROBOTS[run.config.task].control_dt
         along, noise = context.seeds(2, seed)
         direction = random_direction(run.policy.observation_size, along)
-        stages = {"before": Training(run.config).policy, "after": run.policy}
+        stages = {"before": make_run_policy(run.config, run.task), "after": run.policy}
         tables = [
             gains_of(policy, dt, direction, np.random.default_rng(noise), measured).assign(
                 stage=stage
