@@ -16,8 +16,9 @@ import numpy as np
 from numba import njit
 from scipy import optimize, special
 
+from thesis_lib.arrays import FloatArray, IntArray
 from thesis_lib.domains.domain import Domain
-from thesis_lib.mdp.model import MDP, FloatArray, IntArray
+from thesis_lib.mdp.model import MDP
 
 Objective = Literal["start", "stationary"]
 OBJECTIVES: tuple[str, ...] = ("start", "stationary")

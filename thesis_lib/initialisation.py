@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import optimize, sparse
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.domains.domain import Domain
-from thesis_lib.mdp.model import MDP, FloatArray
+from thesis_lib.mdp.model import MDP
 
 
 def distances(domain: Domain, tables: Sequence[ArrayLike], q0: ArrayLike) -> FloatArray:

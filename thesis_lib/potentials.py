@@ -19,11 +19,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import BoolArray, FloatArray
 from thesis_lib.domains.domain import Domain
 from thesis_lib.mdp import planning
 from thesis_lib.mdp.greedy import epsilon_greedy
 from thesis_lib.mdp.learning import Method, learn
-from thesis_lib.mdp.model import BoolArray, FloatArray
 
 Weighting = Literal["uniform", "start", "stationary", "learning"]
 WEIGHTINGS: tuple[str, ...] = ("uniform", "start", "stationary", "learning")

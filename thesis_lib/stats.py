@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from thesis_lib.mdp.model import FloatArray
+from thesis_lib.arrays import FloatArray
 
 
 def _sample(values: ArrayLike, at_least: int = 2) -> FloatArray:

@@ -11,10 +11,11 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.book.drawings import FOUR, THREE, TWO, action_legend, draw_chain
 from thesis_lib.book.style import COLOURS, PRINTED
 from thesis_lib.domains import Domain, figure_a1, figure_a2, figure_a3
-from thesis_lib.mdp.model import FloatArray, TabularMDP
+from thesis_lib.mdp.model import TabularMDP
 
 POLICIES = (0.0, 0.25, 0.5, 0.95, 1.0)
 """p(B) of the five policies in our figure A.3c."""

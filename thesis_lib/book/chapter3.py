@@ -11,10 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import stats
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.book.style import COLOURS, PRINTED
 from thesis_lib.domains import Domain
 from thesis_lib.experiments.chapter3.common import SYMBOLS
-from thesis_lib.mdp.model import FloatArray
 
 LEARNERS = {
     "q_learning": "Q-learning",

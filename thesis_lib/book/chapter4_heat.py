@@ -11,13 +11,13 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.book.chapter4 import returns, roc
 from thesis_lib.book.drawings import draw_heat
 from thesis_lib.book.style import COLOURS, PRINTED
 from thesis_lib.domains.heat import HeatTask
 from thesis_lib.experiments.chapter4.heat_worlds import HeatSpace
 from thesis_lib.experiments.chapter4.protocol import SYMBOLS
-from thesis_lib.mdp.model import FloatArray
 
 CLOCKWISE = ((0, 0), (0, 1), (1, 1), (1, 0))
 """Panels of figure 4.8 in the order of the noise: "clockwise starting in the top left"."""

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.claims import Claim, Difference, Finding, Tables, Verdict
 from thesis_lib.experiments.appendix_a.policy_dependent import crossing
-from thesis_lib.mdp.model import FloatArray
 
 EXACT = 1e-9
 """Relative difference below which a computed value counts as equal to a formula."""

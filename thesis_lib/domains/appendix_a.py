@@ -16,9 +16,10 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.domains.domain import Domain
 from thesis_lib.mdp.checks import one_of, positive_number, probability
-from thesis_lib.mdp.model import FloatArray, TabularMDP
+from thesis_lib.mdp.model import TabularMDP
 
 ACTIONS = ("A", "B")
 

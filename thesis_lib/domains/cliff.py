@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from thesis_lib.arrays import BoolArray
 from thesis_lib.domains.domain import Domain
-from thesis_lib.mdp.model import BoolArray, TabularMDP
+from thesis_lib.mdp.model import TabularMDP
 
 SIZE = 4
 ACTIONS = ("N", "E", "S", "W")

@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thesis_lib.mdp.model import ATOL, MDP, BoolArray, FloatArray, IntArray
+from thesis_lib.arrays import BoolArray, FloatArray, IntArray
+from thesis_lib.mdp.model import ATOL, MDP
 
 
 @dataclass(frozen=True, eq=False)

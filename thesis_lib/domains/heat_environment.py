@@ -8,8 +8,8 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.domains.heat import ACTIONS, HeatTask, HeatWorld, distance_to, move, place, sense
-from thesis_lib.mdp.model import FloatArray
 
 
 class HeatEnv(gymnasium.Env[FloatArray, np.int64]):

@@ -21,9 +21,10 @@ from typing import Any, Literal, TypeVar, get_args, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from thesis_lib.arrays import BoolArray, FloatArray, IntArray
 from thesis_lib.domains.domain import Domain
 from thesis_lib.mdp.checks import one_of, probability
-from thesis_lib.mdp.model import MDP, BoolArray, FloatArray, IntArray, Outcomes, TabularMDP
+from thesis_lib.mdp.model import MDP, Outcomes, TabularMDP
 
 Array = TypeVar("Array", bound=NDArray[Any])
 

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from thesis_lib.mdp.model import FloatArray, IntArray
+from thesis_lib.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)

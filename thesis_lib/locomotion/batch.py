@@ -15,8 +15,9 @@ from typing import Literal
 import mujoco
 import mujoco.batch
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import BoolArray, FloatArray, IntArray
 from thesis_lib.locomotion.robots import COM_VELOCITY, ROOT_BODY, Ground, build_model
 from thesis_lib.locomotion.tasks import (
     HORIZON,
@@ -27,9 +28,6 @@ from thesis_lib.locomotion.tasks import (
     make_task,
 )
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
 Seed = int | np.random.SeedSequence | Sequence[int]
 
 DIVERGENCE_REWARD = -1000.0

@@ -22,6 +22,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.locomotion.batch import BatchTask, Info, Perturbation
 from thesis_lib.locomotion.perturbations import (
     NOISE_ONSET,
@@ -34,7 +35,6 @@ from thesis_lib.locomotion.robots import Ground
 from thesis_lib.locomotion.tasks import HORIZON, TASKS, Reading, Task, Termination, make_task
 from thesis_lib.locomotion.terrain import hill_maps
 
-FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 OBSERVATION_BOUND = 1e6

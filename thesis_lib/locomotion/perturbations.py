@@ -17,14 +17,11 @@ from typing import Literal
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import FloatArray, IntArray
 from thesis_lib.locomotion.batch import Context, Effect, Perturbation
 from thesis_lib.locomotion.robots import ROOT_BODY, Ground, total_mass
 from thesis_lib.locomotion.terrain import Extent, hill_maps
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 NOISE_ONSET = 100
 """Control step at which the thesis's tests introduce noise (section 5.4)."""

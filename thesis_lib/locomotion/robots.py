@@ -17,9 +17,9 @@ from typing import Literal, Protocol
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from thesis_lib.arrays import FloatArray
+
 SpecEdit = Callable[[mujoco.MjSpec], None]
 
 FLOOR = "floor"

@@ -14,12 +14,9 @@ from types import MappingProxyType
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import BoolArray, FloatArray
 from thesis_lib.locomotion.robots import ROBOTS, Robot, get_robot
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 Reading = Literal["code", "text", "duan"]
 """Whose word is followed where they differ: the author's code, the thesis's text, or Duan et al."""

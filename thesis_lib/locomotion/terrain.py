@@ -16,11 +16,11 @@ from types import MappingProxyType
 from typing import Literal, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.ndimage import uniform_filter
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from thesis_lib.arrays import BoolArray, FloatArray
+
 Interval = tuple[float, float]
 Extent = tuple[Interval, Interval]
 _T = TypeVar("_T")

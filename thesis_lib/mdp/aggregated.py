@@ -8,10 +8,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.mdp.checks import generator, positive_integer, schedule, table
 from thesis_lib.mdp.greedy import tie_tolerance
 from thesis_lib.mdp.learning import _choose, _first_state
-from thesis_lib.mdp.model import MDP, FloatArray
+from thesis_lib.mdp.model import MDP
 from thesis_lib.mdp.sampling import draw, sampler
 
 

@@ -8,10 +8,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import FloatArray, IntArray
 from thesis_lib.mdp.checks import generator, one_of, positive_integer, schedule
 from thesis_lib.mdp.greedy import RELATIVE_TIE
 from thesis_lib.mdp.learning import DOUBLE_Q_LEARNING, ENDS, METHODS, STRETCH, Method, _run
-from thesis_lib.mdp.model import MDP, FloatArray, IntArray
+from thesis_lib.mdp.model import MDP
 from thesis_lib.mdp.sampling import sampler
 
 

@@ -8,7 +8,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thesis_lib.mdp.model import MDP, FloatArray
+from thesis_lib.arrays import FloatArray
+from thesis_lib.mdp.model import MDP
 
 Schedule = float | ArrayLike | Callable[[np.ndarray], ArrayLike]
 """A constant, one value an episode or step, or a function from 0, 1, 2, ... to those values."""

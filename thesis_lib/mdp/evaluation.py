@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse.linalg import LinearOperator, gmres
 
+from thesis_lib.arrays import BoolArray, FloatArray, IntArray
 from thesis_lib.mdp.checks import policy_matrix
-from thesis_lib.mdp.model import MDP, BoolArray, FloatArray, IntArray, TabularMDP
+from thesis_lib.mdp.model import MDP, TabularMDP
 
 KRYLOV_VECTORS = 60
 ROUNDS = 30

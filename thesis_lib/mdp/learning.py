@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from thesis_lib.arrays import BoolArray, FloatArray, IntArray
 from thesis_lib.mdp.checks import (
     Schedule,
     generator,
@@ -19,7 +20,7 @@ from thesis_lib.mdp.checks import (
     table,
 )
 from thesis_lib.mdp.greedy import EXPLORATIONS, Exploration, tie_tolerance
-from thesis_lib.mdp.model import MDP, BoolArray, FloatArray, IntArray
+from thesis_lib.mdp.model import MDP
 from thesis_lib.mdp.sampling import draw, sampler
 
 Method = Literal["sarsa", "q_learning", "expected_sarsa", "double_q_learning"]

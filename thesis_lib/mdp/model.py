@@ -12,9 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from thesis_lib.arrays import BoolArray, FloatArray, IntArray
 
 ATOL = 1e-9
 """How far a probability row may be from summing to one."""

@@ -7,8 +7,9 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
+from thesis_lib.arrays import BoolArray, FloatArray
 from thesis_lib.mdp.checks import policy_matrix
-from thesis_lib.mdp.model import MDP, BoolArray, FloatArray, TabularMDP
+from thesis_lib.mdp.model import MDP, TabularMDP
 
 
 def transition_matrix(mdp: MDP, policy: ArrayLike) -> FloatArray:

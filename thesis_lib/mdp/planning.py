@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import FloatArray, IntArray
 from thesis_lib.mdp.checks import (
     one_of,
     policy_matrix,
@@ -36,7 +37,7 @@ from thesis_lib.mdp.greedy import (
     epsilon_greedy,
     greedy_actions,
 )
-from thesis_lib.mdp.model import MDP, FloatArray, IntArray
+from thesis_lib.mdp.model import MDP
 from thesis_lib.mdp.occupancy import (
     average_reward,
     occupancy,

@@ -9,7 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from thesis_lib.mdp.model import MDP, BoolArray, FloatArray
+from thesis_lib.arrays import BoolArray, FloatArray
+from thesis_lib.mdp.model import MDP
 
 CACHED_OUTCOMES = 2**18
 """Samplers of more outcomes than this are rebuilt when asked for, not kept in memory."""

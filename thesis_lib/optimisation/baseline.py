@@ -6,10 +6,8 @@ from typing import Any, Protocol
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from thesis_lib.arrays import FloatArray, IntArray
 
 CLIP = 10.0
 """Observations are clipped to +-10 before they become features."""

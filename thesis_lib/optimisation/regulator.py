@@ -16,11 +16,10 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from torch import Tensor
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from thesis_lib.arrays import BoolArray, FloatArray
 
 
 @dataclass(frozen=True)

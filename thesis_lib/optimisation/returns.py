@@ -8,11 +8,9 @@ first of those that have a step t.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.policies import Packing
-
-FloatArray = NDArray[np.float64]
 
 
 def discounted_returns(rewards: FloatArray, packing: Packing, discount: float) -> FloatArray:

@@ -22,11 +22,8 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
 
+from thesis_lib.arrays import BoolArray, FloatArray, IntArray
 from thesis_lib.policies import GaussianPolicy, Packing
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
 
 
 class Outcome(Protocol):

@@ -9,15 +9,12 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
+from thesis_lib.arrays import FloatArray, IntArray
 from thesis_lib.optimisation.problem import check_positive
 from thesis_lib.policies.base import empty_linear
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 def set_gradient(layers: Sequence[nn.Linear], x: Tensor, target: Tensor) -> None:

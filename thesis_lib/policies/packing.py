@@ -17,7 +17,8 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
 
-IntArray = NDArray[np.int64]
+from thesis_lib.arrays import IntArray
+
 Rows = TypeVar("Rows", NDArray[np.float64], torch.Tensor)
 
 

@@ -10,12 +10,11 @@ from copy import deepcopy
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import signal as processing
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.policies.base import GaussianPolicy
-
-FloatArray = NDArray[np.float64]
 
 SETTLED = 1e-6
 """Largest change of the state in a step at which a network counts as at rest."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thesis_lib.mdp.model import FloatArray, IntArray
+from thesis_lib.arrays import FloatArray, IntArray
 from thesis_lib.relevance.cells import check_labels
 from thesis_lib.relevance.solutions import ATOL, Solutions
 

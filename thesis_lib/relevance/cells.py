@@ -17,7 +17,7 @@ from math import prod
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thesis_lib.mdp.model import FloatArray, IntArray
+from thesis_lib.arrays import FloatArray, IntArray
 from thesis_lib.relevance.solutions import Solutions
 
 SMALL = 2**14

@@ -28,8 +28,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.mdp.checks import positive_integer
-from thesis_lib.mdp.model import FloatArray
 from thesis_lib.relevance.cells import Cells, ground, partition
 from thesis_lib.relevance.exact import shared_law
 from thesis_lib.relevance.solutions import Solutions

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.mdp.checks import positive_integer
-from thesis_lib.mdp.model import FloatArray
 
 DAMPING = (1e-12, 1e8)
 """Least and largest damping; a fit with the largest has stopped."""

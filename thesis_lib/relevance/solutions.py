@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thesis_lib.mdp.model import BoolArray, FloatArray, IntArray
+from thesis_lib.arrays import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
     from thesis_lib.domains.domain import Domain

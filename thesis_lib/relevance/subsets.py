@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from scipy.special import comb
 
-from thesis_lib.mdp.model import FloatArray, IntArray
+from thesis_lib.arrays import FloatArray, IntArray
 
 MOST_VISITORS = 16
 """Up to this many tasks that visit a cell, listing their subsets is the fastest exact way."""

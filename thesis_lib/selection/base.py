@@ -11,8 +11,8 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import BoolArray, FloatArray, IntArray
 from thesis_lib.mdp.checks import one_of
-from thesis_lib.mdp.model import BoolArray, FloatArray, IntArray
 from thesis_lib.relevance.cells import FeatureCells, ground, keep
 from thesis_lib.relevance.solutions import Solutions
 

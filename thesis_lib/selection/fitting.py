@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import leastsq
 from scipy.stats import t as student
 
-from thesis_lib.mdp.model import FloatArray
+from thesis_lib.arrays import FloatArray
 
 Alpha = float | Callable[[int], float]
 

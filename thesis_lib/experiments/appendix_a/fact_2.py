@@ -8,9 +8,10 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.domains.appendix_a import SecondTask, Weighting, figure_a2, policy, state_values
 from thesis_lib.experiments.base import Context, Experiment, rows
-from thesis_lib.mdp.model import FloatArray, TabularMDP
+from thesis_lib.mdp.model import TabularMDP
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,12 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.domains.cliff import CliffLayout, cliff_task, layouts, members
 from thesis_lib.experiments.base import Context, Experiment, rows
 from thesis_lib.mdp.greedy import epsilon_greedy
 from thesis_lib.mdp.learning import Learned, learn
-from thesis_lib.mdp.model import FloatArray, TabularMDP
+from thesis_lib.mdp.model import TabularMDP
 from thesis_lib.mdp.planning import soft_policy_iteration, solve, start_value
 from thesis_lib.stats import mean_ci
 

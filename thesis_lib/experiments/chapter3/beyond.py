@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib import potentials
+from thesis_lib.arrays import FloatArray
 from thesis_lib.domains import Domain
 from thesis_lib.experiments.base import Context, Experiment, rows
 from thesis_lib.experiments.chapter3.common import (
@@ -22,7 +23,6 @@ from thesis_lib.experiments.chapter3.settings import SETTINGS
 from thesis_lib.experiments.chapter3.table_3_1 import Config as Table31Config
 from thesis_lib.experiments.chapter3.table_3_1 import run as run_table_3_1
 from thesis_lib.mdp.learning import learn
-from thesis_lib.mdp.model import FloatArray
 from thesis_lib.stats import mean_ci
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib import potentials
+from thesis_lib.arrays import FloatArray
 from thesis_lib.domains import Domain, continuing_cliff
 from thesis_lib.experiments.base import Context, Experiment, rows
 from thesis_lib.experiments.chapter3.common import (
@@ -21,7 +22,6 @@ from thesis_lib.experiments.chapter3.common import (
 from thesis_lib.mdp import planning
 from thesis_lib.mdp.greedy import epsilon_greedy
 from thesis_lib.mdp.learning import Method, learn
-from thesis_lib.mdp.model import FloatArray
 from thesis_lib.stats import mean_ci
 
 

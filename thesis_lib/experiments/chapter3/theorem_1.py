@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib import initialisation, potentials
+from thesis_lib.arrays import FloatArray
 from thesis_lib.domains import Domain, continuing_cliff, episodic_cliff, stock, triangle
 from thesis_lib.experiments.base import Context, Experiment, rows
-from thesis_lib.mdp.model import FloatArray
 
 DOMAINS: Mapping[str, Callable[[float], Domain]] = {
     "episodic cliff": lambda discount: episodic_cliff(False, discount=discount),

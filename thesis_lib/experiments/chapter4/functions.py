@@ -12,6 +12,7 @@ from math import factorial
 import numpy as np
 import pandas as pd
 
+from thesis_lib.arrays import BoolArray, FloatArray
 from thesis_lib.domains import Domain, stock
 from thesis_lib.experiments.base import Context, Experiment, rows
 from thesis_lib.experiments.chapter3.common import Learner
@@ -21,7 +22,6 @@ from thesis_lib.experiments.chapter4.families import random_domain
 from thesis_lib.experiments.chapter4.protocol import Trial
 from thesis_lib.experiments.chapter4.wide import WideMarket
 from thesis_lib.experiments.chapter4.worlds import World, world
-from thesis_lib.mdp.model import BoolArray, FloatArray
 from thesis_lib.relevance import Solutions, feature_basis, fit_networks, keep, relevance
 from thesis_lib.selection import (
     FixedFeatures,

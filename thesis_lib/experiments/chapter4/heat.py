@@ -10,6 +10,7 @@ from typing import Literal, get_args
 import numpy as np
 import pandas as pd
 
+from thesis_lib.arrays import BoolArray, FloatArray, IntArray
 from thesis_lib.domains.heat import HeatTask
 from thesis_lib.domains.heat_learning import HeatLearned
 from thesis_lib.experiments.base import Context, Experiment, rows
@@ -22,7 +23,6 @@ from thesis_lib.experiments.chapter4.protocol import (
     summarise,
 )
 from thesis_lib.mdp.checks import one_of
-from thesis_lib.mdp.model import BoolArray, FloatArray, IntArray
 from thesis_lib.selection import rates
 
 RELEVANT = ("heat", "a")

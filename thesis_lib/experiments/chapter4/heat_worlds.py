@@ -9,11 +9,11 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from thesis_lib.arrays import BoolArray, FloatArray
 from thesis_lib.domains.heat import ACTIONS, LAYOUTS, HeatTask, HeatWorld
 from thesis_lib.domains.heat_learning import HeatLearned, Traces, sarsa_lambda
 from thesis_lib.domains.tiles import TileCoding
 from thesis_lib.mdp.checks import one_of
-from thesis_lib.mdp.model import BoolArray, FloatArray
 from thesis_lib.relevance import Solutions, keep
 
 Weighting = Literal["visits", "uniform"]

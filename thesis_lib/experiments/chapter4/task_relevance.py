@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
+from thesis_lib.arrays import BoolArray, FloatArray, IntArray
 from thesis_lib.domains import Domain, stock
 from thesis_lib.experiments.base import Context, Experiment, rows
 from thesis_lib.experiments.chapter3.common import Learner
@@ -16,7 +17,6 @@ from thesis_lib.experiments.chapter4.families import meadow
 from thesis_lib.experiments.chapter4.worlds import World, world
 from thesis_lib.mdp.aggregated import learn_aggregated
 from thesis_lib.mdp.checks import one_of
-from thesis_lib.mdp.model import BoolArray, FloatArray, IntArray
 from thesis_lib.relevance import ACTION, ground
 from thesis_lib.selection import JackknifeF, NoSelection, TaskRelevance, task_explained
 from thesis_lib.stats import Mean, bootstrap_ci, mean_ci

@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 from scipy.stats import binom
 
-from thesis_lib.mdp.model import BoolArray, FloatArray, IntArray
+from thesis_lib.arrays import BoolArray, FloatArray, IntArray
 from thesis_lib.relevance import ACTION, Solutions
 
 

@@ -9,13 +9,13 @@ from typing import Literal
 
 import numpy as np
 
+from thesis_lib.arrays import BoolArray, FloatArray, IntArray
 from thesis_lib.domains import Domain
 from thesis_lib.experiments.base import Context
 from thesis_lib.experiments.chapter3.common import Learner
 from thesis_lib.mdp import planning
 from thesis_lib.mdp.checks import one_of
 from thesis_lib.mdp.learning import learn
-from thesis_lib.mdp.model import BoolArray, FloatArray, IntArray
 from thesis_lib.mdp.sampling import loop_array
 from thesis_lib.relevance import Solutions, keep
 from thesis_lib.selection import ExactRelevance

@@ -13,16 +13,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import torch
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.experiments.base import Context, Experiment, rows
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.locomotion.tasks import make_task
 from thesis_lib.policies import CTRNN, ESN, GaussianPolicy, make_policy
 from thesis_lib.policies.response import measured_gain, respond, small_signal_gain
-
-FloatArray = NDArray[np.float64]
 
 NETS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "FFWD": ("ffwd", {}),

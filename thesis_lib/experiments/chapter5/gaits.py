@@ -14,14 +14,13 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import signal
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.experiments.base import Context, Experiment, rows
 from thesis_lib.experiments.chapter5.live import LiveConfig, trained
 from thesis_lib.experiments.chapter5.untrained import SMOKE_SEARCH, Search, find_metronome
 from thesis_lib.locomotion.batch import BatchTask
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.optimisation import run_episodes
-
-FloatArray = NDArray[np.float64]
 
 RESOLUTION = 0.02
 """Spacing of the frequencies a spectrum is looked up at [Hz]."""

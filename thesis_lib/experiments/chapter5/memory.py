@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import torch
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.experiments.base import Context, Experiment, rows
 from thesis_lib.experiments.chapter5.architectures import (
     NETS,
@@ -20,8 +20,6 @@ from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.locomotion.tasks import make_task
 from thesis_lib.policies import ESN, LSTM, GaussianPolicy, make_policy
 from thesis_lib.policies.response import growth_at_rest, respond
-
-FloatArray = NDArray[np.float64]
 
 OPEN_GATE = "LSTM, forget gate open"
 """A network in which nothing forgets: see :func:`open_lstm`."""

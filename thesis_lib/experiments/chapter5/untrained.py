@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.experiments.base import Context, Experiment, rows
 from thesis_lib.locomotion.batch import BatchTask, Perturbation
 from thesis_lib.locomotion.perturbations import TerrainSwitch, WhiteNoise
@@ -24,7 +24,6 @@ from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.locomotion.tasks import HORIZON, TEST_HORIZON, make_task
 from thesis_lib.locomotion.terrain import HeightField, hill_maps, hills
 
-FloatArray = NDArray[np.float64]
 Controller = Callable[[int], FloatArray]
 """From the control step, counted from 0, to the actions of n worlds, shape ``(n, A)``."""
 
