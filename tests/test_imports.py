@@ -11,10 +11,9 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "thesis_lib"
 
 LAYERS = (
-    {"stats", "mdp", "domains", "locomotion", "policies", "published"},
+    {"arrays", "stats", "mdp", "domains", "locomotion", "policies", "published"},
     {
-        *("potentials", "initialisation", "cross_task_policy"),
-        *("relevance", "selection", "optimisation", "robustness"),
+        *("potentials", "relevance", "selection", "optimisation", "robustness"),
     },
     {"experiments"},
     {"claims", "book", "cli"},

@@ -10,14 +10,8 @@ from gymnasium.utils.env_checker import check_env
 import thesis_lib.domains  # noqa: F401  (registers the environment)
 from thesis_lib.domains.heat import HeatTask, HeatWorld, distance_to, move, place, sense
 from thesis_lib.domains.heat_environment import HeatEnv
-from thesis_lib.domains.heat_learning import (
-    TRACE_CUT_OFF,
-    HeatLearned,
-    cross_task_weights,
-    sarsa_lambda,
-)
+from thesis_lib.domains.heat_learning import TRACE_CUT_OFF, HeatLearned, sarsa_lambda
 from thesis_lib.domains.tiles import TileCoding
-from thesis_lib.potentials import linear_cross_task_weights
 
 STILL = HeatWorld(slip=0.0, sensor=0.0)
 
@@ -227,71 +221,17 @@ class TestSarsa:
             sarsa_lambda(task, rng=0, initial_weights=np.full((1664, 4), np.nan))
 
 
-class TestCrossTaskWeights:
+def test_pairs_list_what_was_visited():
+    # Four features (u, v) = (0,0), (0,1), (1,0), (1,1) and four actions; only action 0 is used.
     coding = TileCoding(("u", "v"), (0.0, 0.0), (1.0, 1.0), (2, 2), (True, True), 1)
-
-    def solution(self, weights, visits):
-        empty = np.zeros(0)
-        return HeatLearned(
-            np.array(weights, float), np.array(visits), empty, empty.astype(int), empty.astype(bool)
-        )
-
-    def pair(self):
-        # Four features (u, v) = (0,0), (0,1), (1,0), (1,1) and four actions; only action 0 is used.
-        def column(values):
-            out = np.zeros((4, 4))
-            out[:, 0] = values
-            return out
-
-        return [
-            self.solution(column([1, 2, 3, 4]), column([1, 1, 2, 0]).astype(int)),
-            self.solution(column([5, 6, 7, 8]), column([4, 0, 4, 0]).astype(int)),
-        ]
-
-    def test_equation_35_by_hand(self):
-        # p(i|m) = visits/4 and visits/8.  Feature 0: (1/4 * 1 + 1/2 * 5)/(3/4) = 11/3; feature 1
-        # is seen in the first task only; feature 2: (1/2 * 3 + 1/2 * 7)/1; feature 3 never.
-        got = cross_task_weights(self.pair(), self.coding, fill=-9)
-        np.testing.assert_allclose(got[:, 0], [11 / 3, 2, 5, -9])
-        assert (got[:, 1:] == -9).all()
-
-    def test_it_is_the_general_function_of_equation_35(self):
-        task = HeatTask((3.0, 3.0))
-        solutions = [sarsa_lambda(task, rng=s, episodes=5) for s in (1, 2, 3)]
-        expected = linear_cross_task_weights(
-            [s.weights.ravel() for s in solutions],
-            [s.visits.ravel() / s.visits.sum() for s in solutions],
-        )
-        got = cross_task_weights(solutions, task.world.coding())
-        np.testing.assert_allclose(got.ravel(), expected)
-
-    def test_abstraction_by_hand(self):
-        # Keeping u merges features 0 and 1: (1/4 * 1 + 1/4 * 2 + 1/2 * 5)/(1/4 + 1/4 + 1/2).
-        got = cross_task_weights(self.pair(), self.coding, keep=("u", "a"))
-        np.testing.assert_allclose(got[:, 0], [3.25, 3.25, 5, 5])
-        # Without the action, every action has the value of the merged pairs.
-        got = cross_task_weights(self.pair(), self.coding, keep=("u",))
-        np.testing.assert_allclose(got, np.repeat([[3.25], [3.25], [5], [5]], 4, axis=1))
-
-    def test_the_distribution_over_tasks_counts(self):
-        got = cross_task_weights(self.pair(), self.coding, distribution=[0.8, 0.2])
-        # Feature 0: (.8/4 * 1 + .2/2 * 5)/(.8/4 + .2/2) = 7/3.
-        assert got[0, 0] == pytest.approx(7 / 3)
-
-    def test_pairs_list_what_was_visited(self):
-        names, columns, q, p = self.pair()[0].pairs(self.coding)
-        assert names == ("tiling", "u", "v", "a")
-        assert columns.tolist() == [[0, 0, 0, 0], [0, 0, 1, 0], [0, 1, 0, 0]]
-        assert q.tolist() == [1, 2, 3]
-        assert p.tolist() == [0.25, 0.25, 0.5]
-
-    def test_bad_input_is_one_sentence(self):
-        with pytest.raises(ValueError, match="solutions is empty"):
-            cross_task_weights([], self.coding)
-        with pytest.raises(ValueError, match="keep names 'w'"):
-            cross_task_weights(self.pair(), self.coding, keep=("w",))
-        with pytest.raises(ValueError, match=r"weights of shape \(4, 4\), but the coding"):
-            cross_task_weights(self.pair(), HeatWorld().coding())
+    weights, visits, empty = np.zeros((4, 4)), np.zeros((4, 4), dtype=int), np.zeros(0)
+    weights[:, 0], visits[:, 0] = [1, 2, 3, 4], [1, 1, 2, 0]
+    learned = HeatLearned(weights, visits, empty, empty.astype(int), empty.astype(bool))
+    names, columns, q, p = learned.pairs(coding)
+    assert names == ("tiling", "u", "v", "a")
+    assert columns.tolist() == [[0, 0, 0, 0], [0, 0, 1, 0], [0, 1, 0, 0]]
+    assert q.tolist() == [1, 2, 3]
+    assert p.tolist() == [0.25, 0.25, 0.5]
 
 
 class TestEnvironment:

@@ -11,7 +11,7 @@ from thesis_lib.book import chapter4_heat as show
 from thesis_lib.claims import Verdict
 from thesis_lib.claims import chapter4_heat as ledger
 from thesis_lib.domains.heat import HeatTask
-from thesis_lib.domains.heat_learning import HeatLearned, cross_task_weights, sarsa_lambda
+from thesis_lib.domains.heat_learning import HeatLearned, sarsa_lambda
 from thesis_lib.experiments.base import Context
 from thesis_lib.experiments.chapter4 import heat, heat_readings
 from thesis_lib.experiments.chapter4.heat_worlds import HeatLearner, HeatSpace
@@ -28,6 +28,23 @@ TINY = heat.HeatConfig(
     followed=4,
     followed_at=(5,),
 )
+
+
+def cross_task_weights(learned, coding, keep=None):
+    """Equation 3.5 feature by feature, for features that agree on the variables kept."""
+    names = (*coding.names, "a") if keep is None else keep
+    clusters = coding.clusters([name for name in names if name != "a"])
+    weighted, total = {}, {}
+    cells = [(f, a) for f in range(coding.n_features) for a in range(4)]
+    group = {(f, a): (clusters[f], a if "a" in names else -1) for f, a in cells}
+    for one in learned:
+        for f, a in zip(*np.nonzero(one.visits), strict=True):
+            p = one.visits[f, a] / one.visits.sum()
+            key = group[f, a]
+            weighted[key] = weighted.get(key, 0.0) + p * one.weights[f, a]
+            total[key] = total.get(key, 0.0) + p
+    means = [weighted[k] / total[k] if (k := group[cell]) in total else 0.0 for cell in cells]
+    return np.reshape(means, (coding.n_features, 4))
 
 
 @pytest.fixture(scope="module")

@@ -906,7 +906,7 @@ DIFFERENCES: tuple[Difference, ...] = (
         thesis="Calls (3.2) a lower bound on the number of iterations.",
         ours="It is a number that suffices, hence an upper bound on the number needed: the "
         "contraction may be faster than gamma.",
-        option="`initialisation.sufficient_sweeps`, `initialisation.measured_sweeps`",
+        option="`theorem_1.sufficient_sweeps`, `theorem_1.measured_sweeps`",
         effect=lambda tables: bound_holds(tables).evidence,
         experiments=("theorem-1",),
     ),

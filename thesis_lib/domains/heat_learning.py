@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -166,61 +165,6 @@ def sarsa_lambda(
     )
     returns = lengths.astype(np.float64) * float(task.world.step_reward)
     return HeatLearned(weights, visits, returns, lengths, truncated)
-
-
-def cross_task_weights(
-    solutions: Sequence[HeatLearned],
-    coding: TileCoding,
-    *,
-    keep: Sequence[str] | None = None,
-    distribution: ArrayLike | None = None,
-    fill: float = 0.0,
-) -> FloatArray:
-    r"""Cross-task weights of some tasks, with an abstraction in feature space (eq. 3.5).
-
-    With y the abstract features, :math:`w_d^y = \sum_m \sum_{i \in y} p(m, i|y) w_m^i`,
-    where p(i|m) is the share of visits; without abstraction this is (3.5).
-
-    Parameters
-    ----------
-    solutions
-        What was learned on each task.
-    coding
-        The features that were learned with.
-    keep
-        Names of the variables kept, with ``"a"`` for the action; default all.
-    distribution
-        D(m), shape ``(M,)``; default uniform over the given tasks.
-    fill
-        Weight of abstract features that were never active.
-
-    Returns
-    -------
-    FloatArray
-        Shape ``(n_features, 4)``, to be used as initial weights: features that agree on
-        what is kept have the same weight.
-    """
-    if len(solutions) == 0:
-        raise ValueError("solutions is empty, but at least one task is needed.")
-    n, A = coding.n_features, len(ACTIONS)
-    kept = (*coding.names, "a") if keep is None else tuple(keep)
-    labels = coding.clusters([name for name in kept if name != "a"])
-    cells = np.repeat(labels[:, None], A, axis=1)
-    if "a" in kept:
-        cells = cells * A + np.arange(A)
-    share = np.full(len(solutions), 1 / len(solutions)) if distribution is None else distribution
-    total, weighted = np.zeros(cells.max() + 1), np.zeros(cells.max() + 1)
-    for d, learned in zip(np.asarray(share, dtype=float), solutions, strict=True):
-        if learned.weights.shape != (n, A):
-            raise ValueError(
-                f"a solution has weights of shape {learned.weights.shape}, but the coding has "
-                f"(features, actions) = {(n, A)}."
-            )
-        p = d * learned.visits / learned.visits.sum()
-        total += np.bincount(cells.ravel(), p.ravel(), len(total))
-        weighted += np.bincount(cells.ravel(), (p * learned.weights).ravel(), len(total))
-    mean = np.divide(weighted, total, out=np.full(len(total), float(fill)), where=total > 0)
-    return np.asarray(mean[cells])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.arrays import FloatArray
-from thesis_lib.cross_task_policy import CrossTaskProblem
 from thesis_lib.domains.appendix_a import figure_a3, policy, state_values
 from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.potentials.cross_task_policy import CrossTaskProblem
 
 STATES = 4
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from thesis_lib import potentials
 from thesis_lib.arrays import FloatArray
-from thesis_lib.cross_task_policy import CrossTaskProblem, GeneticAlgorithm, climb
 from thesis_lib.domains import Domain
 from thesis_lib.experiments.base import Context
 from thesis_lib.mdp.learning import Method, learn
 from thesis_lib.potentials import Weighting
+from thesis_lib.potentials.cross_task_policy import CrossTaskProblem, GeneticAlgorithm, climb
 
 Potential = Literal["none", "Q_star", "Q_tilde", "Q_mu", "constant"]
 POTENTIALS: tuple[Potential, ...] = ("none", "Q_star", "Q_tilde", "Q_mu", "constant")

@@ -11,13 +11,13 @@ import pandas as pd
 
 from thesis_lib import potentials
 from thesis_lib.arrays import FloatArray
-from thesis_lib.cross_task_policy import GeneticAlgorithm
 from thesis_lib.domains import Domain
 from thesis_lib.experiments.base import Context, Experiment, rows
 from thesis_lib.experiments.chapter3.common import MuSearch
 from thesis_lib.experiments.chapter3.table_3_1 import UNIT, Config, printed
 from thesis_lib.mdp.learning import Method, learn
 from thesis_lib.mdp.model import TabularMDP
+from thesis_lib.potentials.cross_task_policy import GeneticAlgorithm
 from thesis_lib.stats import mean_ci
 
 

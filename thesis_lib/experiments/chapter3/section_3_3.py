@@ -12,13 +12,13 @@ import pandas as pd
 
 from thesis_lib import potentials
 from thesis_lib.arrays import FloatArray
-from thesis_lib.cross_task_policy import CrossTaskProblem, GeneticAlgorithm, climb
 from thesis_lib.domains import Domain
 from thesis_lib.experiments.base import Context, Experiment, rows
 from thesis_lib.experiments.chapter3.common import Learner, MuSearch, total_rewards
 from thesis_lib.experiments.chapter3.settings import SETTINGS
 from thesis_lib.mdp.greedy import epsilon_greedy, greedy_actions
 from thesis_lib.potentials import WEIGHTINGS
+from thesis_lib.potentials.cross_task_policy import CrossTaskProblem, GeneticAlgorithm, climb
 from thesis_lib.stats import mean_ci
 
 

@@ -11,12 +11,12 @@ from scipy import stats
 
 from thesis_lib import published
 from thesis_lib.arrays import FloatArray
-from thesis_lib.cross_task_policy import GeneticAlgorithm
 from thesis_lib.domains import Domain, episodic_cliff
 from thesis_lib.experiments.base import Context, Experiment, rows
 from thesis_lib.experiments.chapter3.common import MuSearch, Potential, named_potentials
 from thesis_lib.mdp.greedy import Exploration
 from thesis_lib.mdp.learning import Method, learn
+from thesis_lib.potentials.cross_task_policy import GeneticAlgorithm
 from thesis_lib.stats import mean_ci
 
 UNIT = 1e4

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from thesis_lib import initialisation, potentials
+from thesis_lib import potentials
 from thesis_lib.arrays import FloatArray
 from thesis_lib.domains import Domain, continuing_cliff, episodic_cliff, stock, triangle
 from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.potentials import theorem_1
 
 DOMAINS: Mapping[str, Callable[[float], Domain]] = {
     "episodic cliff": lambda discount: episodic_cliff(False, discount=discount),
@@ -46,20 +47,18 @@ def initialisations(
     low, high = float(np.nanmin(stacked)), float(np.nanmax(stacked))
     scale = float(np.nanmax(np.abs(stacked)))
     mean = potentials.cross_task_values(domain, tables)
-    middle = initialisation.midrange(domain, tables)
+    middle = theorem_1.midrange(domain, tables)
     shape = domain.shape
     return {
         "Q_star": [mean],
         "geometric mean": [
-            initialisation.geometric_mean_minimiser(
+            theorem_1.geometric_mean_minimiser(
                 domain, tables, config.smoothing * scale, starts=(mean, middle)
             )
         ],
-        "mean distance": [initialisation.mean_distance_minimiser(domain, tables)],
+        "mean distance": [theorem_1.mean_distance_minimiser(domain, tables)],
         "midrange": [middle],
-        "single task": [
-            initialisation.single_task(domain, tables, m, mean) for m in range(len(domain))
-        ],
+        "single task": [theorem_1.single_task(domain, tables, m, mean) for m in range(len(domain))],
         "zero": [np.zeros(shape)],
         "optimistic": [np.full(shape, high)],
         "constant": [np.full(shape, float(mean.mean()))],
@@ -115,8 +114,8 @@ def _sweeps(
     domain: Domain, tables: list[FloatArray], q0: FloatArray, tolerance: float
 ) -> tuple[float, float, float, float]:
     """Mean measured sweeps, mean bound, largest excess over the bound, and the objective."""
-    delta = initialisation.distances(domain, tables, q0)
-    bound = initialisation.sufficient_sweeps(delta, tolerance, domain.discount)
+    delta = theorem_1.distances(domain, tables, q0)
+    bound = theorem_1.sufficient_sweeps(delta, tolerance, domain.discount)
     measured = np.array([_measured(domain, tables, q0, m, tolerance) for m in range(len(domain))])
     # Rounding may put a distance a hair above the tolerance that the bound meets exactly.
     excess = measured - np.ceil(bound - 1e-6)
@@ -124,7 +123,7 @@ def _sweeps(
         float(domain.distribution @ measured),
         float(domain.distribution @ bound),
         float(excess.max()),
-        initialisation.log_geometric_mean(domain.distribution, delta),
+        theorem_1.log_geometric_mean(domain.distribution, delta),
     )
 
 
@@ -134,7 +133,7 @@ def _measured(
     inside = (domain.observation_index[m] >= 0)[:, None]
     # A cell in which no action is taken starts at its own value: it is in no task's X_m.
     start = np.where(inside, domain.scatter(q0, m), tables[m])
-    return initialisation.measured_sweeps(domain.tasks[m], tables[m], start, tolerance)
+    return theorem_1.measured_sweeps(domain.tasks[m], tables[m], start, tolerance)
 
 
 def _held_out(
@@ -159,12 +158,12 @@ def _held_out(
     if label == "Q_star":
         small = potentials.cross_task_values(rest, own)
     elif label == "midrange":
-        small = initialisation.midrange(rest, own)
+        small = theorem_1.midrange(rest, own)
     elif label == "mean distance":
-        small = initialisation.mean_distance_minimiser(rest, own)
+        small = theorem_1.mean_distance_minimiser(rest, own)
     else:
         mean = potentials.cross_task_values(rest, own)
-        small = initialisation.geometric_mean_minimiser(
+        small = theorem_1.geometric_mean_minimiser(
             rest, own, config.smoothing * scale, starts=(mean,)
         )
     # Pairs that only the held-out task has get the mean of the others.

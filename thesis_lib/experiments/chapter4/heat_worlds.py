@@ -14,6 +14,7 @@ from thesis_lib.domains.heat import ACTIONS, LAYOUTS, HeatTask, HeatWorld
 from thesis_lib.domains.heat_learning import HeatLearned, Traces, sarsa_lambda
 from thesis_lib.domains.tiles import TileCoding
 from thesis_lib.mdp.checks import one_of
+from thesis_lib.potentials import linear_cross_task_weights
 from thesis_lib.relevance import Solutions, keep
 
 Weighting = Literal["visits", "uniform"]
@@ -194,9 +195,7 @@ class HeatSpace:
         Source: equations 3.5 and 4.1, with :math:`p(m|f^i = 1)` from the tasks' p(x|m).
         """
         labels = keep(solutions, np.flatnonzero(support).tolist())
-        n = int(labels.max()) + 1
-        weighted = np.nansum(solutions.p * solutions.q, axis=0)
-        a = np.bincount(labels, weighted, n)
-        b = np.bincount(labels, solutions.p.sum(axis=0), n)
-        values = np.divide(a, b, out=np.full(n, float(self.unseen)), where=b > 0)
-        return values[labels].reshape(self.coding.n_features, len(ACTIONS))
+        values = linear_cross_task_weights(
+            solutions.q, solutions.p, labels=labels, fill=self.unseen
+        )
+        return values.reshape(self.coding.n_features, len(ACTIONS))

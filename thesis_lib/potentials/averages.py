@@ -92,7 +92,12 @@ def expected_squared_error(
 
 
 def linear_cross_task_weights(
-    task_weights: ArrayLike, active: ArrayLike, distribution: ArrayLike | None = None
+    task_weights: ArrayLike,
+    active: ArrayLike,
+    distribution: ArrayLike | None = None,
+    *,
+    labels: ArrayLike | None = None,
+    fill: float = 0.0,
 ) -> FloatArray:
     r"""Cross-task weights of a linear function of binary features (eq. 3.5).
 
@@ -101,16 +106,21 @@ def linear_cross_task_weights(
     Parameters
     ----------
     task_weights
-        :math:`w_m^i`, shape ``(M, n)``.
+        :math:`w_m^i`, shape ``(M, n)``; not read where the feature is never active.
     active
         :math:`p(f^i = 1|m)`, how often feature i is active in task m, shape ``(M, n)``.
     distribution
         D(m), shape ``(M,)``; default uniform.
+    labels
+        An abstraction of the features, shape ``(n,)``, equal integers from 0 where it merges
+        features: they share the mean of their weights (eq. 4.1).  Default none.
+    fill
+        Weight of what is never active.
 
     Returns
     -------
     FloatArray
-        :math:`w_d`, shape ``(n,)``; 0 for a feature that is never active.
+        :math:`w_d`, shape ``(n,)``.
     """
     w, f = np.asarray(task_weights, dtype=float), np.asarray(active, dtype=float)
     if w.shape != f.shape or w.ndim != 2 or (f < 0).any():
@@ -118,10 +128,12 @@ def linear_cross_task_weights(
             f"task_weights has shape {w.shape} and active {f.shape}, but both must be "
             "(tasks, features) and activities at least 0."
         )
-    d = np.full(len(w), 1 / len(w)) if distribution is None else np.asarray(distribution, float)
-    joint = d[:, None] * f
-    total = joint.sum(axis=0)
-    return np.divide((joint * w).sum(axis=0), total, out=np.zeros_like(total), where=total > 0)
+    joint = f if distribution is None else np.asarray(distribution, float)[:, None] * f
+    weighted, total = np.where(joint > 0, joint * w, 0.0).sum(axis=0), joint.sum(axis=0)
+    groups = np.arange(w.shape[1]) if labels is None else np.asarray(labels)
+    weighted, total = np.bincount(groups, weighted), np.bincount(groups, total)
+    mean = np.divide(weighted, total, out=np.full(len(total), float(fill)), where=total > 0)
+    return np.asarray(mean[groups])
 
 
 def q_star(domain: Domain, weights: ArrayLike | None = None) -> FloatArray:
@@ -303,48 +315,6 @@ def constant_potential(domain: Domain, value: float) -> FloatArray:
     what distinguishes one pair from another.
     """
     return np.full(domain.shape, float(value))
-
-
-def state_shaping(potential: ArrayLike, discount: float, s: int, s_next: int) -> float:
-    r"""Potential-based shaping reward over states, :math:`F = \gamma\Phi(s') - \Phi(s)`.
-
-    Parameters
-    ----------
-    potential
-        :math:`\Phi`, shape ``(S,)``; 0 at terminal states.
-    discount
-        gamma.
-    s, s_next
-        Indices of the states.
-
-    Notes
-    -----
-    Source: section 3.1, after Ng, Harada and Russell (1999).
-    """
-    phi = np.asarray(potential, dtype=float)
-    return float(discount * phi[s_next] - phi[s])
-
-
-def look_ahead_advice(
-    potential: ArrayLike, discount: float, s: int, a: int, s_next: int, a_next: int
-) -> float:
-    r"""Shaping reward over pairs, :math:`F = \gamma\Phi(s', a') - \Phi(s, a)` (section 3.1).
-
-    Parameters
-    ----------
-    potential
-        :math:`\Phi`, shape ``(S, A)``; 0 at terminal states.
-    discount
-        gamma.
-    s, a, s_next, a_next
-        Indices; ``a_next`` as in the learning rule.
-
-    Notes
-    -----
-    Source: section 3.1, after Wiewiora, Cottrell and Elkan (2003).
-    """
-    phi = np.asarray(potential, dtype=float)
-    return float(discount * phi[s_next, a_next] - phi[s, a])
 
 
 def covered(domain: Domain, weights: ArrayLike) -> BoolArray:

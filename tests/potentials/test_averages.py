@@ -148,6 +148,21 @@ def test_linear_weights_by_hand():
     assert w == pytest.approx([1.0, (2 + 2 * 8) / 3])
 
 
+def test_linear_weights_of_a_history_by_hand():
+    # p(i|m) = visits/4 and visits/8.  Feature 0: (1/4 * 1 + 1/2 * 5)/(3/4) = 11/3; feature 1
+    # is seen in the first task only; feature 2: (1/2 * 3 + 1/2 * 7)/1; feature 3 never.
+    w = [[1.0, 2.0, 3.0, np.nan], [5.0, np.nan, 7.0, np.nan]]
+    p = [[0.25, 0.25, 0.5, 0.0], [0.5, 0.0, 0.5, 0.0]]
+    got = potentials.linear_cross_task_weights(w, p, fill=-9)
+    assert got == pytest.approx([11 / 3, 2, 5, -9])
+    # Feature 0 with D: (.8/4 * 1 + .2/2 * 5)/(.8/4 + .2/2) = 7/3.
+    got = potentials.linear_cross_task_weights(w, p, [0.8, 0.2])
+    assert got[0] == pytest.approx(7 / 3)
+    # Features 0 and 1 merged: (1/4 * 1 + 1/4 * 2 + 1/2 * 5)/(1/4 + 1/4 + 1/2).
+    got = potentials.linear_cross_task_weights(w, p, labels=[0, 0, 1, 1])
+    assert got == pytest.approx([3.25, 3.25, 5, 5])
+
+
 def test_linear_weights_equal_the_tabular_mean(two_tasks):
     """With one indicator feature a pair, (3.5) is (3.4)."""
     tables = potentials.optimal_solutions(two_tasks)

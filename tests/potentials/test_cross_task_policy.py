@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from thesis_lib.cross_task_policy import (
+from thesis_lib.domains import Domain, continuing_cliff, episodic_cliff
+from thesis_lib.mdp.model import TabularMDP
+from thesis_lib.potentials.cross_task_policy import (
     OBJECTIVES,
     CrossTaskProblem,
     GeneticAlgorithm,
     climb,
     softmax_policy,
 )
-from thesis_lib.domains import Domain, continuing_cliff, episodic_cliff
-from thesis_lib.mdp.model import TabularMDP
 
 DOMAINS = {"episodic": episodic_cliff(), "continuing": continuing_cliff(discount=0.9)}
 

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from thesis_lib import initialisation, potentials
+from thesis_lib import potentials
 from thesis_lib.domains import Domain, continuing_cliff, episodic_cliff, stock, triangle
 from thesis_lib.mdp.model import TabularMDP
+from thesis_lib.potentials import theorem_1
 
 DOMAINS = {
     "episodic cliff": episodic_cliff(discount=0.95),
@@ -29,27 +30,27 @@ def bandits():
 def test_distances_and_objective_by_hand(bandits):
     tables = potentials.optimal_solutions(bandits)
     assert [t.tolist() for t in tables] == [[[2.0, 1.0]], [[3.0, 6.0]]]
-    delta = initialisation.distances(bandits, tables, [[2.0, 2.0]])
+    delta = theorem_1.distances(bandits, tables, [[2.0, 2.0]])
     assert delta.tolist() == [1.0, 4.0]
-    value = initialisation.log_geometric_mean(bandits.distribution, delta)
+    value = theorem_1.log_geometric_mean(bandits.distribution, delta)
     assert value == pytest.approx(0.5 * np.log(4.0))
-    assert initialisation.sufficient_sweeps(delta, 1.0, 0.5).tolist() == [0.0, 2.0]
+    assert theorem_1.sufficient_sweeps(delta, 1.0, 0.5).tolist() == [0.0, 2.0]
 
 
 def test_the_objective_is_degenerate(bandits):
     """At one task's own Q* the product of distances is 0, whatever the other tasks are."""
     tables = potentials.optimal_solutions(bandits)
-    own = initialisation.single_task(bandits, tables, 0, np.zeros(bandits.shape))
-    delta = initialisation.distances(bandits, tables, own)
-    assert initialisation.log_geometric_mean(bandits.distribution, delta) == -np.inf
+    own = theorem_1.single_task(bandits, tables, 0, np.zeros(bandits.shape))
+    delta = theorem_1.distances(bandits, tables, own)
+    assert theorem_1.log_geometric_mean(bandits.distribution, delta) == -np.inf
 
 
 def test_midrange_and_mean_distance_by_hand(bandits):
     tables = potentials.optimal_solutions(bandits)
-    assert initialisation.midrange(bandits, tables).tolist() == [[2.5, 3.5]]
+    assert theorem_1.midrange(bandits, tables).tolist() == [[2.5, 3.5]]
     # |1 - y| and |6 - y| add up to at least 5: the mean distance is at least 2.5.
-    best = initialisation.mean_distance_minimiser(bandits, tables)
-    assert initialisation.distances(bandits, tables, best).mean() == pytest.approx(2.5)
+    best = theorem_1.mean_distance_minimiser(bandits, tables)
+    assert theorem_1.distances(bandits, tables, best).mean() == pytest.approx(2.5)
 
 
 @pytest.mark.parametrize("name", DOMAINS)
@@ -62,7 +63,7 @@ def test_bound_on_every_domain(name):
     for q0 in (
         np.zeros(domain.shape),
         potentials.cross_task_values(domain, tables),
-        initialisation.midrange(domain, tables),
+        theorem_1.midrange(domain, tables),
         scale * rng.normal(size=domain.shape),
     ):
         # States outside S_m (a cliff cell) start at their own values: they are never visited.
@@ -70,10 +71,10 @@ def test_bound_on_every_domain(name):
             np.where((i >= 0)[:, None], domain.scatter(q0, m), tables[m])
             for m, i in enumerate(domain.observation_index)
         ]
-        delta = initialisation.distances(domain, tables, q0)
-        enough = np.ceil(initialisation.sufficient_sweeps(delta, 1e-3, domain.discount) - 1e-9)
+        delta = theorem_1.distances(domain, tables, q0)
+        enough = np.ceil(theorem_1.sufficient_sweeps(delta, 1e-3, domain.discount) - 1e-9)
         for task, table, start, most in zip(domain.tasks, tables, starts, enough, strict=True):
-            assert initialisation.measured_sweeps(task, table, start, 1e-3) <= most
+            assert theorem_1.measured_sweeps(task, table, start, 1e-3) <= most
 
 
 @pytest.mark.parametrize("name", ["episodic cliff", "triangle"])
@@ -83,30 +84,30 @@ def test_minimiser_is_no_worse_than_what_it_starts_from(name):
     scale = max(np.abs(t).max() for t in tables)
 
     def objective(q0):
-        delta = initialisation.distances(domain, tables, q0)
-        return initialisation.log_geometric_mean(domain.distribution, delta + 0.1 * scale)
+        delta = theorem_1.distances(domain, tables, q0)
+        return theorem_1.log_geometric_mean(domain.distribution, delta + 0.1 * scale)
 
     mean = potentials.cross_task_values(domain, tables)
-    found = initialisation.geometric_mean_minimiser(domain, tables, 0.1 * scale, starts=(mean,))
+    found = theorem_1.geometric_mean_minimiser(domain, tables, 0.1 * scale, starts=(mean,))
     assert objective(found) <= objective(mean) + 1e-9
-    assert objective(found) <= objective(initialisation.midrange(domain, tables)) + 1e-9
+    assert objective(found) <= objective(theorem_1.midrange(domain, tables)) + 1e-9
 
 
 def test_midrange_minimises_the_largest_distance():
     domain = DOMAINS["triangle"]
     tables = potentials.optimal_solutions(domain)
-    middle = initialisation.distances(domain, tables, initialisation.midrange(domain, tables)).max()
+    middle = theorem_1.distances(domain, tables, theorem_1.midrange(domain, tables)).max()
     rng = np.random.default_rng(0)
     for _ in range(200):
-        other = initialisation.midrange(domain, tables) + rng.normal(scale=0.3, size=domain.shape)
-        assert initialisation.distances(domain, tables, other).max() >= middle - 1e-12
+        other = theorem_1.midrange(domain, tables) + rng.normal(scale=0.3, size=domain.shape)
+        assert theorem_1.distances(domain, tables, other).max() >= middle - 1e-12
 
 
 def test_bad_input(bandits):
     tables = potentials.optimal_solutions(bandits)
     with pytest.raises(ValueError, match="smoothing is 0"):
-        initialisation.geometric_mean_minimiser(bandits, tables, 0.0)
+        theorem_1.geometric_mean_minimiser(bandits, tables, 0.0)
     with pytest.raises(ValueError, match="strictly between 0 and 1"):
-        initialisation.sufficient_sweeps([1.0], 0.1, 1.0)
+        theorem_1.sufficient_sweeps([1.0], 0.1, 1.0)
     with pytest.raises(ValueError, match="tolerance is 0"):
-        initialisation.sufficient_sweeps([1.0], 0, 0.5)
+        theorem_1.sufficient_sweeps([1.0], 0, 0.5)

@@ -1,0 +1,47 @@
+"""Potential functions for multi-task reinforcement learning (chapter 3).
+
+The means over tasks that make the three potentials stand in ``averages`` (eqs 3.3 to 3.8),
+optimal initialisation for planning in ``theorem_1``, the search for one policy for all tasks
+in ``cross_task_policy``, and shaping rewards in ``shaping``.
+"""
+
+from thesis_lib.potentials.averages import (
+    WEIGHTINGS,
+    Weighting,
+    constant_potential,
+    covered,
+    cross_task_values,
+    expected_squared_error,
+    learning_weights,
+    linear_cross_task_weights,
+    optimal_solutions,
+    pair_weights,
+    policy_values,
+    q_mu,
+    q_star,
+    q_tilde,
+    soft_solutions,
+    task_policies,
+)
+from thesis_lib.potentials.shaping import look_ahead_advice, state_shaping
+
+__all__ = [
+    "WEIGHTINGS",
+    "Weighting",
+    "constant_potential",
+    "covered",
+    "cross_task_values",
+    "expected_squared_error",
+    "learning_weights",
+    "linear_cross_task_weights",
+    "look_ahead_advice",
+    "optimal_solutions",
+    "pair_weights",
+    "policy_values",
+    "q_mu",
+    "q_star",
+    "q_tilde",
+    "soft_solutions",
+    "state_shaping",
+    "task_policies",
+]
