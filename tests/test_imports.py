@@ -5,13 +5,23 @@ from pathlib import Path
 
 import pytest
 
-from thesis_lib.book.imports import imported
+from thesis_lib.imports import imported
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "thesis_lib"
 
 LAYERS = (
-    {"arrays", "stats", "mdp", "domains", "locomotion", "policies", "published"},
+    {
+        "arrays",
+        "compiled",
+        "imports",
+        "stats",
+        "mdp",
+        "domains",
+        "locomotion",
+        "policies",
+        "published",
+    },
     {
         *("potentials", "relevance", "selection", "optimisation", "robustness"),
     },

@@ -15,7 +15,6 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
-from thesis_lib.book.compiled import numba_cache
 from thesis_lib.book.execution import Run, Task, execute, finished, last_run, plan
 from thesis_lib.book.pages import generated
 from thesis_lib.book.paths import Paths
@@ -144,9 +143,6 @@ def _run(
     if stale:
         for leftover in paths.executed.glob(".*"):  # of runs that were killed
             shutil.rmtree(leftover)
-        for cache in (paths.build / "numba").glob("*"):
-            if cache != numba_cache(paths.root):
-                shutil.rmtree(cache, ignore_errors=True)
     errors = execute(stale, paths, say)
     for error in errors.values():
         say(f"\n{error}")

@@ -26,12 +26,11 @@ from typing import Any
 
 import nbformat
 
-from thesis_lib.book.compiled import numba_cache
-from thesis_lib.book.imports import PACKAGE, closure, data_files, saved_results
 from thesis_lib.book.notebook import RESULTS_VARIABLE, check_parameters
 from thesis_lib.book.paths import Paths
 from thesis_lib.book.sources import code_cells, parameter_names, read
 from thesis_lib.experiments.base import environment
+from thesis_lib.imports import PACKAGE, closure, data_files, saved_results
 
 _OUTPUT, _MANIFEST, _TABLES = "notebook.ipynb", "manifest.json", "results"
 
@@ -339,7 +338,6 @@ def _environment(paths: Paths, tables: Path) -> dict[str, str]:
         RESULTS_VARIABLE: str(tables),
         # Not the reader's own: start-up files there could change a result.
         "IPYTHONDIR": str(ipython),
-        "NUMBA_CACHE_DIR": str(numba_cache(paths.root)),
         "MPLCONFIGDIR": str(_matplotlib(paths)),
         "PYTHONPATH": os.pathsep.join(
             [str(paths.root), *filter(None, [os.environ.get("PYTHONPATH")])]

@@ -10,7 +10,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from thesis_lib.book.imports import PACKAGE
+from thesis_lib.imports import PACKAGE
 
 
 def exists(name: str) -> bool:

@@ -15,10 +15,10 @@ from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import FloatArray
+from thesis_lib.compiled import njit
 from thesis_lib.domains.tiles import TileCoding
 from thesis_lib.mdp.checks import generator, one_of, positive_number
 
@@ -179,7 +179,7 @@ class HeatTask:
             )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def intensity(parameters, distance):  # type: ignore[no-untyped-def]
     """Heat at a distance; see :class:`HeatWorld`."""
     law = parameters[6]
@@ -190,13 +190,13 @@ def intensity(parameters, distance):  # type: ignore[no-untyped-def]
     return 1.0 - distance / (np.sqrt(2.0) * parameters[0])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def distance_to(state, source):  # type: ignore[no-untyped-def]
     """Distance from the robot's centre to the source."""
     return np.hypot(state[0] - source[0], state[1] - source[1])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def place(rng, parameters, source, state):  # type: ignore[no-untyped-def]
     """Put the robot anywhere but at the source, facing anywhere."""
     size, radius = parameters[0], parameters[1]
@@ -208,7 +208,7 @@ def place(rng, parameters, source, state):  # type: ignore[no-untyped-def]
             return
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def move(rng, parameters, state, action):  # type: ignore[no-untyped-def]
     """Carry out an action: write the new x, y and heading into ``state``."""
     size, radius, slip = parameters[0], parameters[1], parameters[4]
@@ -226,7 +226,7 @@ def move(rng, parameters, state, action):  # type: ignore[no-untyped-def]
         state[2] = (state[2] + far) % (2 * np.pi)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def sense(rng, parameters, source, state, reading):  # type: ignore[no-untyped-def]
     """Write noisy x, y, heading and heat into ``reading``."""
     size, sensor = parameters[0], parameters[5]

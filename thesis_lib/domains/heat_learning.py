@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import BoolArray, FloatArray, IntArray
+from thesis_lib.compiled import njit
 from thesis_lib.domains.heat import ACTIONS, HeatTask, distance_to, move, place, sense
 from thesis_lib.domains.tiles import TileCoding, active_tiles
 from thesis_lib.mdp.checks import generator, one_of, positive_integer, positive_number, probability
@@ -167,7 +167,7 @@ def sarsa_lambda(
     return HeatLearned(weights, visits, returns, lengths, truncated)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _choose(rng, weights, active, epsilon):  # type: ignore[no-untyped-def]
     """Choose epsilon-greedily, ties at random; also return the action's value."""
     A = weights.shape[1]
@@ -193,7 +193,7 @@ def _choose(rng, weights, active, epsilon):  # type: ignore[no-untyped-def]
     return action, (chosen if random else best)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _sarsa(  # type: ignore[no-untyped-def]
     rng,
     parameters,

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from thesis_lib.arrays import FloatArray, IntArray
+from thesis_lib.compiled import njit
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ class TileCoding:
         return np.ravel_multi_index(at, shape).astype(np.int64)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def active_tiles(point, low, width, tiles, periodic, offsets, out):  # type: ignore[no-untyped-def]
     """Write the active feature of each tiling into ``out``, shape ``(T,)``."""
     for t in range(offsets.shape[0]):

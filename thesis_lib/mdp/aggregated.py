@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import FloatArray
+from thesis_lib.compiled import njit
 from thesis_lib.mdp.checks import generator, positive_integer, schedule, table
 from thesis_lib.mdp.greedy import tie_tolerance
 from thesis_lib.mdp.learning import _choose, _first_state
@@ -114,7 +114,7 @@ def learn_aggregated(
     return AggregatedLearned(q, float(rewards.sum()), rewards[: n_steps // stretch])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _learn_cells(  # type: ignore[no-untyped-def]
     successor, cumulative, reward, terminal, start, start_cumulative, discount,
     z, phi, q, alpha, epsilon, tie, n_steps, every, rng, rewards,

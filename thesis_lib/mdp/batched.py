@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import FloatArray, IntArray
+from thesis_lib.compiled import njit
 from thesis_lib.mdp.checks import generator, one_of, positive_integer, schedule
 from thesis_lib.mdp.greedy import RELATIVE_TIE
 from thesis_lib.mdp.learning import DOUBLE_Q_LEARNING, ENDS, METHODS, STRETCH, Method, _run
@@ -162,7 +162,7 @@ def _reward_scale(task: MDP, reward: FloatArray) -> float:
     return float(kept)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _largest(table):  # type: ignore[no-untyped-def]
     """Largest finite magnitude, or 0, as in ``tie_tolerance``."""
     out = 0.0
@@ -173,7 +173,7 @@ def _largest(table):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _run_all(  # type: ignore[no-untyped-def]
     rule, successor, cumulative, reward, terminal, start, start_cumulative, index, discount, scale,
     function, rate, explore, n_episodes, n_steps, rngs, totals,

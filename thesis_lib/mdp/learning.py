@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from thesis_lib.arrays import BoolArray, FloatArray, IntArray
+from thesis_lib.compiled import njit
 from thesis_lib.mdp.checks import (
     Schedule,
     generator,
@@ -404,7 +404,7 @@ def learn(
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _pick(values, s, tie, u):  # type: ignore[no-untyped-def]
     """Pick a greedy action of ``values[s]``; u in [0, 1) settles ties."""
     A = values.shape[1]
@@ -429,7 +429,7 @@ def _pick(values, s, tie, u):  # type: ignore[no-untyped-def]
     return action
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _pick_sum(q, phi, s, tie, u):  # type: ignore[no-untyped-def]
     """Pick a greedy action of ``q[s] + phi[s]``; u in [0, 1) settles ties."""
     A = q.shape[1]
@@ -449,7 +449,7 @@ def _pick_sum(q, phi, s, tie, u):  # type: ignore[no-untyped-def]
     return 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _choose(values, s, epsilon, others, tie, u):  # type: ignore[no-untyped-def]
     """Choose epsilon-greedily by ``values[s]`` with the uniform number u."""
     if u >= epsilon:
@@ -473,7 +473,7 @@ def _choose(values, s, epsilon, others, tie, u):  # type: ignore[no-untyped-def]
     return min(int(u / epsilon * A), A - 1)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _bootstrap(rule, q, phi, advised, s, a, epsilon, others, tie):  # type: ignore[no-untyped-def]
     """Value and potential of the next state s by the learning rule.
 
@@ -513,7 +513,7 @@ def _bootstrap(rule, q, phi, advised, s, a, epsilon, others, tie):  # type: igno
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _first_state(start, start_cumulative, rng):  # type: ignore[no-untyped-def]
     """Draw the state in which an episode begins."""
     if start.shape[0] == 1:
@@ -521,7 +521,7 @@ def _first_state(start, start_cumulative, rng):  # type: ignore[no-untyped-def]
     return start[draw(start_cumulative, rng.random())]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _run(  # type: ignore[no-untyped-def]
     rule, second_rule,
     successor, cumulative, reward, terminal, start, start_cumulative, discount,

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import FloatArray, IntArray
+from thesis_lib.compiled import njit
 from thesis_lib.mdp.checks import (
     one_of,
     policy_matrix,
@@ -184,7 +184,7 @@ def _model(mdp: MDP) -> _Model:
     )
 
 
-@njit(cache=True, nogil=True)
+@njit()
 def _backup(model, v, s, a):  # type: ignore[no-untyped-def]
     """Expected reward and discounted next value of one pair."""
     follow = 0.0
@@ -193,7 +193,7 @@ def _backup(model, v, s, a):  # type: ignore[no-untyped-def]
     return model.reward[s, a] + model.discount * follow
 
 
-@njit(cache=True, nogil=True)
+@njit()
 def _evaluation_sweep(model, policy, v):  # type: ignore[no-untyped-def]
     """Lines 5 to 10 of algorithm 1: back up every state in place, and return Delta."""
     delta = 0.0
@@ -205,7 +205,7 @@ def _evaluation_sweep(model, policy, v):  # type: ignore[no-untyped-def]
     return delta
 
 
-@njit(cache=True, nogil=True)
+@njit()
 def _optimality_sweep(model, v):  # type: ignore[no-untyped-def]
     """Lines 3 to 8 of algorithm 2: back up every state in place, and return Delta."""
     delta = 0.0

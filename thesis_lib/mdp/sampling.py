@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from thesis_lib.arrays import BoolArray, FloatArray
+from thesis_lib.compiled import njit
 from thesis_lib.mdp.model import MDP
 
 CACHED_OUTCOMES = 2**18
@@ -114,7 +114,7 @@ def cumulative(probability: FloatArray) -> FloatArray:
     return total
 
 
-@njit(cache=True, nogil=True)
+@njit()
 def draw(row, u):  # type: ignore[no-untyped-def]
     """Index of the first entry of the cumulative ``row`` above ``u``, by bisection.
 

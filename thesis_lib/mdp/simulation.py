@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import FloatArray, IntArray
+from thesis_lib.compiled import njit
 from thesis_lib.mdp.checks import generator, policy_matrix, positive_integer
 from thesis_lib.mdp.evaluation import ends
 from thesis_lib.mdp.model import MDP
@@ -167,7 +167,7 @@ def _chances(mdp: MDP, policy: ArrayLike, cap: int | None) -> FloatArray:
     return cumulative(pi)
 
 
-@njit(cache=True, nogil=True)
+@njit()
 def _simulate(  # type: ignore[no-untyped-def]
     successor,
     outcome_chances,

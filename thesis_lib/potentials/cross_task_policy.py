@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numba import njit
 from scipy import optimize, special
 
 from thesis_lib.arrays import FloatArray, IntArray
+from thesis_lib.compiled import njit
 from thesis_lib.domains.domain import Domain
 from thesis_lib.mdp.model import MDP
 
@@ -206,7 +206,7 @@ class CrossTaskProblem:
         return chain + leave[..., None] * self._start[:, None, :]
 
 
-@njit(cache=True, nogil=True)
+@njit()
 def _objective(mu, transition, reward, start, index, distribution, discount, stationary):  # type: ignore[no-untyped-def]
     """Objective of a batch of policies, shape ``(B,)``, by elimination in every task.
 
@@ -263,7 +263,7 @@ def _objective(mu, transition, reward, start, index, distribution, discount, sta
     return totals
 
 
-@njit(cache=True, nogil=True)
+@njit()
 def _stationary(chain, weight):  # type: ignore[no-untyped-def]
     """Stationary distribution of a chain, written to ``weight``; ``chain`` is overwritten."""
     S = chain.shape[0]

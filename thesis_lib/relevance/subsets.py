@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from scipy.special import comb
 
 from thesis_lib.arrays import FloatArray, IntArray
+from thesis_lib.compiled import njit
 
 MOST_VISITORS = 16
 """Up to this many tasks that visit a cell, listing their subsets is the fastest exact way."""
@@ -45,7 +45,7 @@ def listed_subsets(a: FloatArray, b: FloatArray, k: IntArray) -> FloatArray:
     return np.einsum("kvj,vj->k", stands_for / comb(n, sizes) / sizes, sums)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _sum_by_size(a, b, most):  # type: ignore[no-untyped-def]
     """Sum of A^2/B by number of visitors v and size j, shape ``(most + 1, most + 1)``."""
     out = np.zeros((most + 1, most + 1))

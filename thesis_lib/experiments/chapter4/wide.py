@@ -17,10 +17,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from scipy.stats import binom
 
 from thesis_lib.arrays import BoolArray, FloatArray, IntArray
+from thesis_lib.compiled import njit
 from thesis_lib.relevance import ACTION, Solutions
 
 
@@ -200,7 +200,7 @@ class WideMarket:
         )
 
 
-@njit(cache=True, nogil=True)
+@njit()
 def _value(weights, bits, sell):  # type: ignore[no-untyped-def]
     n = bits.shape[0]
     sign = 1.0 if sell else -1.0
@@ -210,7 +210,7 @@ def _value(weights, bits, sell):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True, nogil=True)
+@njit()
 def _learn(  # type: ignore[no-untyped-def]
     influence, helps, rise, discount, weights, steps, alpha, epsilon, rng
 ):

@@ -1,9 +1,9 @@
 """Which modules a piece of code depends on, found by reading its imports.
 
-The build re-executes a notebook when a module it imports, directly or through others, has
-changed.  Imports are read and not run; those inside functions count as well.  An import by
-name (``importlib.import_module``) cannot be seen, which is how ``thesis_lib.experiments`` can
-know every chapter without making each notebook depend on all of them.
+The build re-executes a notebook, and numba compiles a loop again, when a module it imports,
+directly or through others, has changed.  Imports are read and not run; those inside functions
+count as well.  An import by name (``importlib.import_module``) cannot be seen, which is how
+``thesis_lib.experiments`` can know every chapter without making each notebook depend on all.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import ast
 import threading
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 
 PACKAGE = "thesis_lib"
@@ -40,7 +41,8 @@ def module_file(name: str, root: Path) -> Path | None:
     return None
 
 
-def imported(source: str, package: str = "") -> set[str]:
+@cache
+def imported(source: str, package: str = "") -> frozenset[str]:
     """Names of this package's modules that some source may import.
 
     Parameters
@@ -52,7 +54,7 @@ def imported(source: str, package: str = "") -> set[str]:
 
     Returns
     -------
-    set of str
+    frozenset of str
         Absolute names, with every package on the way to them; ``from a import b`` gives both
         ``a`` and ``a.b``, of which the latter need not be a module.
 
@@ -76,7 +78,7 @@ def imported(source: str, package: str = "") -> set[str]:
             names.add(base)
             names.update(f"{base}.{alias.name}" for alias in node.names)
     parts = [name.split(".") for name in names if name.split(".")[0] == PACKAGE]
-    return {".".join(part[:i]) for part in parts for i in range(1, len(part) + 1)}
+    return frozenset(".".join(part[:i]) for part in parts for i in range(1, len(part) + 1))
 
 
 def closure(sources: Iterable[str], root: Path) -> dict[str, Path]:

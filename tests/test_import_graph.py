@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from thesis_lib.book.imports import closure, data_files, imported
+from thesis_lib.imports import closure, data_files, imported
 
 
 @pytest.fixture
