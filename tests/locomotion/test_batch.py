@@ -216,10 +216,10 @@ def test_autoreset_hands_over_the_last_observation():
         assert a.info.episode_length == b.info.episode_length
         if a.terminated[0]:
             episodes += 1
-            assert np.array_equal(b.info.final_observation, a.observation)
+            assert np.array_equal(b.info.final.observation, a.observation)
             assert np.array_equal(b.observation, manual.reset())
         else:
-            assert b.info.final_observation is None
+            assert b.info.final is None
             assert np.array_equal(b.observation, a.observation)
     assert episodes > 2
 
@@ -308,7 +308,7 @@ def test_an_unstable_world_ends_alone(name, autoreset, tmp_path, monkeypatch):
             assert step.reward[1] == DIVERGENCE_REWARD == -1000
             assert step.info.components["divergence"].tolist() == [0, -1000, 0]
             assert sum(c[1] for c in step.info.components.values()) == -1000
-            last = step.info.final_observation if autoreset else step.observation
+            last = step.info.final.observation if autoreset else step.observation
             assert np.array_equal(last[1], before[0])
         else:
             assert not step.info.diverged.any()

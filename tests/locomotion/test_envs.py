@@ -134,15 +134,23 @@ def test_one_world_is_the_batch_bit_for_bit(name):
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
-@pytest.mark.parametrize("env_id", ["thesis/Hopper-v0", "thesis/Walker2dHill-v0"])
-def test_vector_env_equals_gymnasiums_own_of_the_same_worlds(env_id, mode):
-    ours = gymnasium.make_vec(env_id, num_envs=3, autoreset_mode=mode, threads=2)
+@pytest.mark.parametrize(
+    ("env_id", "options"),
+    [
+        ("thesis/Hopper-v0", {}),
+        ("thesis/Hopper-v0", {"noise": 1.0, "noise_from": 3, "sensors": "subset"}),
+        ("thesis/Walker2dHill-v0", {}),
+    ],
+)
+def test_vector_env_equals_gymnasiums_own_of_the_same_worlds(env_id, options, mode):
+    ours = gymnasium.make_vec(env_id, num_envs=3, autoreset_mode=mode, threads=2, **options)
     theirs = gymnasium.make_vec(
         env_id,
         num_envs=3,
         vectorization_mode="sync",
         vector_kwargs={"autoreset_mode": AutoresetMode(mode)},
         disable_env_checker=True,
+        **options,
     )
     assert ours.unwrapped.metadata["autoreset_mode"] == AutoresetMode(mode)
     assert ours.single_observation_space == theirs.single_observation_space
@@ -156,13 +164,21 @@ def test_vector_env_equals_gymnasiums_own_of_the_same_worlds(env_id, mode):
         for mine, yours in zip(a[:4], b[:4], strict=True):
             assert np.array_equal(mine, yours)
         ends += int((a[2] | a[3]).sum())
-        if mode == "SameStep" and (a[2] | a[3]).any():
-            assert np.array_equal(a[4]["_final_obs"], b[4]["_final_obs"])
-            for i in np.flatnonzero(a[4]["_final_obs"]):
-                assert np.array_equal(a[4]["final_obs"][i], b[4]["final_obs"][i])
-        else:
-            assert "final_obs" not in a[4]
+        assert_infos_equal(a[4], b[4])
+        assert ("final_info" in a[4]) == (mode == "SameStep" and bool((a[2] | a[3]).any()))
     assert ends > 3
+
+
+def assert_infos_equal(ours, theirs):
+    assert set(ours) == set(theirs)
+    for name, value in theirs.items():
+        if isinstance(value, dict):
+            assert_infos_equal(ours[name], value)
+        elif value.dtype == object:
+            assert all(np.array_equal(x, y) for x, y in zip(ours[name], value, strict=True)), name
+        else:
+            assert ours[name].dtype == value.dtype, name
+            np.testing.assert_array_equal(ours[name], value, err_msg=name)
 
 
 def test_vector_env_without_autoreset():

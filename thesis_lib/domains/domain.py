@@ -3,8 +3,9 @@ r"""Multi-task domains :math:`d = \langle D, M\rangle` (section 3.2)."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -95,6 +96,10 @@ class Domain:
                     )
         object.__setattr__(self, "distribution", distribution)
         object.__setattr__(self, "task_names", names)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A copy is made anew, so that its arrays are read-only too.
+        return type(self), tuple(getattr(self, field.name) for field in fields(self))
 
     def __len__(self) -> int:
         return len(self.tasks)

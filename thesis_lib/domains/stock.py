@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from types import MappingProxyType
 from typing import Any, Literal, TypeVar, get_args, overload
 
@@ -160,6 +160,10 @@ class StockSize:
         """The mask of terminal states: there are none."""
         return _read_only(np.zeros(self.n_states, dtype=bool))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Copies of a size are the same object, and what it derives can be derived again.
+        return _size, (self.sectors, self.stocks, self.global_factors)
+
     def state(
         self, owned: Sequence[int], stocks: Sequence[int], global_values: Sequence[int]
     ) -> int:
@@ -252,11 +256,22 @@ class StockMDP(MDP):
         self.discount = probability("discount", discount)
         self.reward_timing = one_of("reward_timing", reward_timing, get_args(RewardTiming))
         self.global_persistence = probability("global_persistence", global_persistence)
-        self.start = self.size.starts[one_of("start", start, get_args(Start))]
+        self._start = one_of("start", start, get_args(Start))
+        self.start = self.size.starts[self._start]
         self.terminal = self.size.never_terminal
         self.actions = self.size.actions
         self.features = self.size.features
         self.reward = _read_only(self._expected_reward())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A copy is built again, so that all tasks of one size go on sharing its arrays.
+        options = {
+            "discount": self.discount,
+            "reward_timing": self.reward_timing,
+            "global_persistence": self.global_persistence,
+            "start": self._start,
+        }
+        return partial(type(self), **options), (self.influence, self.rising_helps)
 
     def _levels(self) -> IntArray:
         """The numerators :math:`R_s + 3 R_g` of every state, shape ``(states, S)``."""
@@ -439,12 +454,16 @@ class StockTasks(Sequence[StockMDP]):
     """
 
     def __init__(self, size: StockSize, influence: Influence = "shared", **options: Any) -> None:
-        one_of("influence", influence, get_args(Influence))
+        self._influence = one_of("influence", influence, get_args(Influence))
         self._size = size
         self._options = options
         self._free_sectors = 1 if influence == "shared" else size.sectors
         kept_bytes = 8 * size.n_states * (2 * size.sectors + size.sectors + 1)
         self._built = lru_cache(maxsize=max(1, MAX_ENTRIES // kept_bytes))(self._build)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Tasks are built when asked for, in a copy too.
+        return partial(type(self), **self._options), (self._size, self._influence)
 
     def __len__(self) -> int:
         sets = 2**self._size.stocks - 1

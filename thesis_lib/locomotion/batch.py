@@ -8,9 +8,10 @@ the number of threads and whatever the other worlds do.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import mujoco
 import mujoco.batch
@@ -44,6 +45,9 @@ PERSISTENT_WORLDS = 128
 
 _RESETS_DRAWN = 8
 """For how many resets a world draws its noise at once."""
+
+_ENGINE = ("_batch", "_fields", "_ctrl", "_xfrc", "_warning_counts", "_moving")
+"""Attributes of a batch that a copy makes anew: the engine, and views of its arrays."""
 
 _BAD_STATE = slice(mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADCTRL + 1)
 _WARNINGS = (
@@ -142,6 +146,23 @@ class Perturbation:
 
 
 @dataclass(frozen=True)
+class Final:
+    """The end of the old episodes, where worlds have already begun new ones.
+
+    Attributes
+    ----------
+    observation, true_observation
+        The last one with and without perturbations, shapes ``(n, D)``.
+    com
+        The last centre of mass, shape ``(n, 3)``, in metres.
+    """
+
+    observation: FloatArray
+    true_observation: FloatArray
+    com: FloatArray
+
+
+@dataclass(frozen=True)
 class Info:
     """What a step tells besides observation, reward and flags; arrays over n worlds.
 
@@ -159,9 +180,8 @@ class Info:
     episode_return, episode_length
         Undiscounted return and number of steps of each world's episode so far, that
         which just ended included; shape ``(n,)``.
-    final_observation
-        Where an episode ended and the world restarted at once, the last observation of
-        the old episode, shape ``(n, D)``; None if no world restarted.
+    final
+        How the old episodes stood in worlds that restarted at once; None if none did.
     """
 
     components: dict[str, FloatArray]
@@ -170,7 +190,7 @@ class Info:
     true_observation: FloatArray
     episode_return: FloatArray
     episode_length: IntArray
-    final_observation: FloatArray | None
+    final: Final | None
 
 
 @dataclass(frozen=True)
@@ -287,6 +307,14 @@ class BatchTask:
         self._seeds = _world_seeds(seed, self.n_worlds)
         self._all = np.arange(self.n_worlds)
         self._build_models(self._choose_grounds(terrain))
+        self._phase = np.zeros(self.n_worlds, dtype=np.int64)
+        self._open(threads)
+        self.reseed(seed)
+
+    # -- building ---------------------------------------------------------------------
+
+    def _open(self, threads: int) -> None:
+        """Start the engine on the models, and look into it."""
         # A persistent batch goes on from the forward stages of its last call, which makes
         # positions and velocities at the new state free.  Forces must be computed anew
         # anyway, and many worlds outgrow the processor's cache: then one thread's memory
@@ -299,12 +327,26 @@ class BatchTask:
             threads,
             persistent=not forces and self.n_worlds <= PERSISTENT_WORLDS,
         )
-        self._phase = np.zeros(self.n_worlds, dtype=np.int64)
         self._set_models()
         self._bind()
-        self.reseed(seed)
 
-    # -- building ---------------------------------------------------------------------
+    def __getstate__(self) -> dict[str, Any]:
+        # The engine can't be copied, nor can views of it.  Its state rows hold all it remembers.
+        kept = {name: value for name, value in self.__dict__.items() if name not in _ENGINE}
+        engine = (self.threads, self._batch.state.copy(), self._fields.previous_action.copy())
+        return {**kept, "engine": engine}
+
+    def __copy__(self) -> BatchTask:
+        return copy.deepcopy(self)  # two engines must not count one another's steps
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        threads, rows, previous_action = state.pop("engine")
+        self.__dict__.update(state)
+        self._open(threads)
+        self._fields.previous_action[:] = previous_action
+        self._batch.state[:] = rows
+        self._batch.forward(stage=self._stage)
+        self._batch.state[:] = rows  # without what the engine has just learned anew
 
     def _choose_grounds(self, terrain: Ground | Sequence[Ground] | None) -> list[Ground | None]:
         """One ground for each world, from the argument or from a perturbation."""
@@ -709,9 +751,10 @@ class BatchTask:
         self._returns += reward
         self._flag(terminated, truncated)
 
-        episode_return, episode_length, final = self._returns.copy(), self.steps.copy(), None
+        episode_return, episode_length = self._returns.copy(), self.steps.copy()
+        final = None
         if self.autoreset and self._running is not self._all:
-            final = self._seen
+            final = Final(self._seen, self._true, self.com)
             self._reset(np.flatnonzero(terminated | truncated))
         seen = self._seen.copy()
         info = Info(
@@ -721,7 +764,7 @@ class BatchTask:
             true_observation=self._true.copy() if self._sensing else seen,
             episode_return=episode_return,
             episode_length=episode_length,
-            final_observation=final,
+            final=final,
         )
         return Step(seen, reward, terminated.copy(), truncated.copy(), info)
 

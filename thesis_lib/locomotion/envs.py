@@ -408,39 +408,58 @@ class LocomotionVectorEnv(VectorEnv[Any, Any, Any]):
             )
         step = self.batch.step(actions)
         observation, terminated, truncated = step.observation, step.terminated, step.truncated
+        restarted = np.zeros(self.num_envs, dtype=bool)
         if self._mode is AutoresetMode.NEXT_STEP and self._ended.any():
             # worlds that ended last time stood still in this step, with reward 0
-            self.batch.reset(self._ended)
+            restarted = self._ended
+            self.batch.reset(restarted)
             observation = self.batch.observation
-            terminated = terminated & ~self._ended
-            truncated = truncated & ~self._ended
+            terminated = terminated & ~restarted
+            truncated = truncated & ~restarted
         self._ended = terminated | truncated
-        return observation, step.reward, terminated, truncated, self._info(step.info)
+        if self._mode is AutoresetMode.SAME_STEP:
+            restarted = self._ended
+        return observation, step.reward, terminated, truncated, self._info(step.info, restarted)
 
     def _place(self) -> dict[str, Any]:
-        infos: dict[str, Any] = {}
-        self._add(infos, "x_position", self.batch.com[:, 0])
-        if self.batch.perturbations:
-            self._add(infos, "true_observation", self.batch.true_observation)
-        return infos
+        return self._marked(self._where(self.batch.com, self.batch.true_observation))
 
-    def _info(self, info: Info) -> dict[str, Any]:
+    def _where(self, com: FloatArray, true_observation: FloatArray) -> dict[str, NDArray[Any]]:
+        hidden = {"true_observation": true_observation} if self.batch.perturbations else {}
+        return {"x_position": com[:, 0], **hidden}
+
+    def _info(self, info: Info, restarted: NDArray[np.bool_]) -> dict[str, Any]:
+        """What Gymnasium's own vector environments make of each world's info.
+
+        A reset tells nothing but the place, so that for worlds that have begun anew in this
+        step, the step itself is told in ``final_info`` or nowhere.
+        """
+        step: dict[str, NDArray[Any]] = {
+            f"reward_{name}": part for name, part in info.components.items()
+        }
+        step |= {"diverged": info.diverged, "off_map": info.off_map}
         infos = self._place()
-        for name, part in info.components.items():
-            self._add(infos, f"reward_{name}", part)
-        self._add(infos, "diverged", info.diverged)
-        self._add(infos, "off_map", info.off_map)
-        if info.final_observation is not None:
-            final = np.full(self.num_envs, None, dtype=object)
-            for i in np.flatnonzero(self._ended):
-                final[i] = info.final_observation[i]
-            infos["final_obs"], infos["_final_obs"] = final, self._ended.copy()
+        if not restarted.all():
+            infos |= self._marked(step, ~restarted)
+        if info.final is not None:
+            last = self._where(info.final.com, info.final.true_observation)
+            infos["final_info"] = self._marked(step | last, restarted)
+            infos["final_obs"] = np.full(self.num_envs, None, dtype=object)
+            for i in np.flatnonzero(restarted):
+                infos["final_obs"][i] = info.final.observation[i]
+            infos["_final_info"], infos["_final_obs"] = restarted.copy(), restarted.copy()
         return infos
 
-    def _add(self, infos: dict[str, Any], name: str, values: NDArray[Any]) -> None:
-        """Gymnasium marks beside each entry which worlds it holds for."""
-        infos[name] = values
-        infos[f"_{name}"] = np.ones(self.num_envs, dtype=bool)
+    def _marked(
+        self, values: dict[str, NDArray[Any]], mask: NDArray[np.bool_] | None = None
+    ) -> dict[str, Any]:
+        """Beside each entry, which worlds it holds for; it is 0 for the others."""
+        mask = np.ones(self.num_envs, dtype=bool) if mask is None else mask
+        infos: dict[str, Any] = {}
+        for name, value in values.items():
+            infos[name], infos[f"_{name}"] = np.zeros_like(value), mask.copy()
+            infos[name][mask] = value[mask]
+        return infos
 
     def set_state(self, qpos: ArrayLike, qvel: ArrayLike, worlds: ArrayLike | None = None) -> None:
         """Put worlds into given states; see :meth:`BatchTask.set_state`."""
@@ -470,6 +489,9 @@ class _Painter:
         self._batch = batch
         self._options = (width, height, camera)
         self._open: dict[int, tuple[Renderer, mujoco.MjData]] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_open": {}}  # a copy opens renderers of its own
 
     def frame(self, world: int) -> Image:
         """Draw one world."""

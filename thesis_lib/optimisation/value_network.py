@@ -163,6 +163,15 @@ class ValueNetwork:
             "adam": None if self._adam is None else self._adam.state_dict(),
         }
 
+    def __getstate__(self) -> dict[str, Any]:
+        # Copied parameters would lose the gradients that :func:`set_gradient` writes into.
+        return {**self.__dict__, "_net": None, "_adam": None, "learned": self.state_dict()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        learned = state.pop("learned")
+        self.__dict__.update(state)
+        self.load_state_dict(learned)
+
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Take up the state of an interrupted run; ValueError when its number type is another."""
         if state["net"] is not None:
