@@ -27,10 +27,10 @@ def python(*arguments: str, root: Path = ROOT, **options: Any) -> subprocess.Com
 
 
 def small_copy(folder: Path, **modules: str) -> Path:
-    """A checkout whose package is what compiles loops, and these modules."""
+    """A checkout whose package is no more than its lowest modules and these."""
     package = folder / "thesis_lib"
     package.mkdir(parents=True)
-    for name in ("__init__.py", "compiled.py", "imports.py"):
+    for name in ("__init__.py", "checkout.py", "compiled.py", "imports.py"):
         shutil.copy(ROOT / "thesis_lib" / name, package)
     for name, text in modules.items():
         (package / f"{name}.py").write_text(text)

@@ -54,7 +54,8 @@ def test_so_it_is_with_a_cache_that_the_user_chose(
 def test_a_file_that_changes_under_a_running_process_spoils_nothing(copy: Path) -> None:
     """A session that has loaded the old file compiles it into what another loads later."""
     session = (
-        "import thesis_lib.inner, pathlib\n"
+        "import thesis_lib.inner, pathlib, time\n"
+        "time.sleep(0.1)\n"  # the clock of files is coarser than that of the process
         "file = pathlib.Path(thesis_lib.inner.__file__)\n"
         "file.write_text(file.read_text().replace('x + 1', 'x + 2'))\n" + CALL
     )

@@ -13,6 +13,7 @@ PACKAGE = ROOT / "thesis_lib"
 LAYERS = (
     {
         "arrays",
+        "checkout",
         "compiled",
         "imports",
         "stats",

@@ -8,4 +8,9 @@ The package is laid out as the thesis is: :mod:`thesis_lib.mdp` (chapter 2),
 :mod:`thesis_lib.experiments` and on to the ledger, the book and the command line.
 """
 
+import time
+
 __version__ = "0.1.0"
+
+IMPORTED = time.time()
+"""When this process began to load the library: what changes later is not what it runs."""

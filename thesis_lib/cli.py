@@ -16,13 +16,13 @@ from typing import Annotated, Any, TypeVar
 import pandas as pd
 import tyro
 
+from thesis_lib.checkout import repository_root
 from thesis_lib.experiments import experiments, find
 from thesis_lib.experiments import sweep as sweeps
 from thesis_lib.experiments.base import (
     BUDGETS,
     check_budget,
     check_seed,
-    repository_root,
     results_directory,
     writable_directory,
 )

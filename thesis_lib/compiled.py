@@ -7,7 +7,6 @@ import hashlib
 import os
 import shutil
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -16,13 +15,13 @@ from typing import Any, TypeVar
 import numba
 import numpy as np
 
+from thesis_lib import IMPORTED
 from thesis_lib.imports import PACKAGE, closure, data_files
 
 _CONFIG: Any = numba.config  # its attributes are not declared
 FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 
 _ROOT = Path(__file__).resolve().parents[1]
-_IMPORTED = time.time()
 _MONTH = 30 * 24 * 3600.0
 
 
@@ -66,7 +65,7 @@ def cache_folder(file: Path) -> Path:
     modules = closure([file.read_text(encoding="utf-8")], _ROOT)
     sources = sorted({file, *modules.values(), *data_files(modules)})
     # What changed under a running process may differ from what it has loaded.
-    if all(source.stat().st_ctime < _IMPORTED for source in sources):
+    if all(source.stat().st_ctime < IMPORTED for source in sources):
         hashed = hashlib.sha256(f"{numba.__version__} {np.__version__}".encode())
         for source in sources:
             data = source.read_bytes()
@@ -95,7 +94,7 @@ def _writable(folder: Path, base: Path) -> bool:
         if not folder.exists():
             folder.mkdir(parents=True, exist_ok=True)
             for old in base.glob(f"{folder.name.rpartition('-')[0]}-*"):
-                if old.stat().st_mtime < _IMPORTED - _MONTH:
+                if old.stat().st_mtime < IMPORTED - _MONTH:
                     shutil.rmtree(old, ignore_errors=True)
         with tempfile.TemporaryFile(dir=folder):
             return True

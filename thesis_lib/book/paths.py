@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from thesis_lib.experiments.base import repository_root
+from thesis_lib.checkout import repository_root
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ import dataclasses
 import json
 import os
 import platform
-import subprocess
 import sys
 import tempfile
 import time
@@ -25,6 +24,9 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 import pandas as pd
 from tqdm import tqdm
+
+from thesis_lib import __version__
+from thesis_lib.checkout import commit, repository_root
 
 BUDGETS = ("smoke", "book", "thesis")
 """smoke: seconds, every code path, values without meaning.  book: what the shipped book
@@ -199,6 +201,7 @@ class Experiment(Generic[ConfigT]):
         """
         chosen = self.config(budget) if config is None else config
         context = Context(seed=seed, workers=workers)
+        made_with = environment()  # a later commit is not what ran
         started, cpu = time.time(), time.process_time()
         clock = time.perf_counter()
         table = self.function(chosen, context)
@@ -221,7 +224,7 @@ class Experiment(Generic[ConfigT]):
             "started": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(started)),
             "rows": len(table),
             "columns": dict(self.columns),
-            **environment(),
+            **made_with,
         }
         return Result(self, table, provenance)
 
@@ -353,39 +356,18 @@ def results_directory(budget: str = "book") -> Path:
     return Path(override) if override else repository_root() / "_build" / "results" / budget
 
 
-def repository_root() -> Path:
-    """The checkout this library runs from, or the working directory when it is installed."""
-    root = Path(__file__).resolve().parents[2]
-    return root if (root / "pyproject.toml").exists() else Path.cwd()
-
-
 def environment() -> dict[str, Any]:
     """Versions, commit and machine, for provenance."""
-    packages = ("thesis_lib", "numpy", "scipy", "numba", "torch", "mujoco", "gymnasium", "pandas")
+    packages = ("numpy", "scipy", "numba", "torch", "mujoco", "gymnasium", "pandas")
     return {
         "python": platform.python_version(),
-        "versions": {name: metadata.version(name) for name in packages},
+        "versions": {
+            "thesis_lib": __version__,
+            **{name: metadata.version(name) for name in packages},
+        },
         "commit": commit(),
         "machine": f"{platform.machine()}, {os.cpu_count()} cores",
     }
-
-
-def commit() -> str:
-    """The commit of the checkout, with ``+`` when files differ from it, or ``unknown``."""
-    root = repository_root()
-    try:
-        head = _git(root, "rev-parse", "--short=12", "HEAD")
-        dirty = _git(root, "status", "--porcelain", "--untracked-files=no")
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"
-    return head + ("+" if dirty else "")
-
-
-def _git(root: Path, *arguments: str) -> str:
-    done = subprocess.run(
-        ["git", "-C", str(root), *arguments], capture_output=True, text=True, check=True
-    )
-    return done.stdout.strip()
 
 
 def _plain(value: Any) -> Any:

@@ -14,7 +14,7 @@ from typing import Any
 
 import pandas as pd
 
-from thesis_lib.experiments.base import repository_root
+from thesis_lib.checkout import repository_root
 
 
 @dataclass(frozen=True)

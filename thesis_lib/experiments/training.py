@@ -28,11 +28,11 @@ import pandas as pd
 import torch
 from threadpoolctl import threadpool_limits
 
+from thesis_lib.checkout import repository_root
 from thesis_lib.experiments.base import (
     check_seed,
     environment,
     replacing,
-    repository_root,
     writable_directory,
 )
 from thesis_lib.locomotion import BatchTask, make_task
