@@ -172,6 +172,8 @@ class Train:
     after task, terrain, net and seed."""
     resume: bool = True
     """Go on with what is in the directory; otherwise a run that is there is an error."""
+    any_version: bool = False
+    """Go on even where other code or other versions of the libraries made it."""
 
     def __call__(self) -> int:
         """Train it."""
@@ -182,7 +184,13 @@ class Train:
         report = TerminalReport(config.iterations)
         started = time.perf_counter()
         try:
-            run = train(config, folder, resume=self.resume, report=report)
+            run = train(
+                config,
+                folder,
+                resume=self.resume,
+                any_version=self.any_version,
+                report=report,
+            )
         except KeyboardInterrupt:
             good = read_checkpoint(folder)["iteration"]
             print(
@@ -297,6 +305,8 @@ class Sweep:
     """Where curves.csv, curves.json and policies.pt go; default _build/results/sweep."""
     runs_in: Path | None = None
     """Where the runs' own directories are; default _build/runs/ and the last part of --out."""
+    any_version: bool = False
+    """Go on with runs even where other code or other versions of the libraries made them."""
 
     def __call__(self, command: str = "thesis sweep") -> int:
         """Train what is missing; ``command`` goes into the record."""
@@ -322,7 +332,13 @@ class Sweep:
             sweeps.write(configs, runs, out, command=command, errors=errors)
 
         try:
-            sweeps.sweep(configs, runs, workers=self.workers, report=report)
+            sweeps.sweep(
+                configs,
+                runs,
+                workers=self.workers,
+                any_version=self.any_version,
+                report=report,
+            )
         except KeyboardInterrupt:
             print(
                 f"\nthesis: interrupted; the runs are kept in {runs}: give the same command again "

@@ -222,6 +222,26 @@ def test_variants_that_cannot_be(text: str) -> None:
         parse_variant(text)
 
 
+def test_long_runs_come_first_and_seeds_outermost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    grid = Grid(
+        tasks=("HalfCheetah", "Ant"),
+        terrains=("flat", "hill"),
+        architectures=("esn",),
+        seeds=(0, 1),
+    )
+    configs = grid.runs(TrainConfig(iterations=1, batch_steps=40, horizon=20, units=2))
+    ended: list[tuple[int, str, str]] = []
+
+    def report(outcome: Outcome, n: int) -> None:
+        ended.append((outcome.config.seed, outcome.config.task, outcome.config.terrain))
+
+    sweep(configs, tmp_path, report=report)
+    order = [("Ant", "flat"), ("Ant", "hill"), ("HalfCheetah", "hill"), ("HalfCheetah", "flat")]
+    assert ended == [(seed, *pair) for seed in (0, 1) for pair in order]
+
+
 def test_workers() -> None:
     with pytest.raises(ValueError, match="workers is 0, but at least 1"):
         sweep([SMALL], ".", workers=0)

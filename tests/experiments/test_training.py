@@ -3,6 +3,7 @@
 import dataclasses
 import errno
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -231,7 +232,22 @@ def _baseline_of(run: Training) -> tuple[str, str]:
 
 
 ESN_RUN, CTRNN_RUN = {"architecture": "esn"}, {"architecture": "ctrnn"}
+LSTM_RUN = {"architecture": "lstm"}
 NATURAL, HILL = {"algorithm": "natural"}, {"terrain": "hill"}
+
+
+def _tau_ratio(run: Training) -> float:
+    tau = _net(run, "tau_raw")
+    return round((tau.max() / tau.min()).item(), 4)
+
+
+def _gates_orthogonal(run: Training) -> bool:
+    """Whether the first gate's recurrent weights are 1.1 times an orthogonal matrix."""
+    n = _net(run, "units")
+    first = run.policy.recurrent.weight[:n].detach()  # type: ignore[union-attr,index]
+    return torch.allclose(first @ first.T, 1.21 * torch.eye(n), atol=1e-5)
+
+
 # option, its value, other settings, what it shall have changed, and to what
 REACHED: list[tuple[str, Any, dict, Callable[[Training], Any], Any]] = [
     ("task", "ant", {}, lambda run: run.task.task.robot.name, "Ant"),
@@ -255,6 +271,9 @@ REACHED: list[tuple[str, Any, dict, Callable[[Training], Any], Any]] = [
     ("damping", 0.2, NATURAL, lambda run: _rule(run, "damping"), 0.2),
     ("kl_direction", "new_old", {}, lambda run: _rule(run, "kl_direction"), "new_old"),
     ("features", "full", {}, lambda run: _net(run, "feature_size"), 20),
+    ("features", "code", {}, lambda run: _net(run, "feature_size"), 17),
+    ("features", "literal", {}, lambda run: _net(run, "feature_size"), 16),
+    ("features", "code", {"task": "Swimmer"}, lambda run: _net(run, "feature_size"), 3),
     ("difficulty", 0.2, HILL, lambda run: round(run.task.model.hfield_size[0, 2], 1), 0.2),
     ("maps", 2, HILL, lambda run: run.task.ground_id(1), 1),
     ("reading", "duan", {}, lambda run: run.task.task.alive_bonus, 1.0),
@@ -263,6 +282,10 @@ REACHED: list[tuple[str, Any, dict, Callable[[Training], Any], Any]] = [
     ("previous_action", False, {}, lambda run: _net(run, "previous_action"), False),
     ("integrator", "midpoint", CTRNN_RUN, lambda run: _net(run, "integrator"), "midpoint"),
     ("time_constant", 0.25, CTRNN_RUN, lambda run: _net(run, "tau_raw").tolist()[0], 0.25),
+    ("time_constant_spread", 4.0, CTRNN_RUN, _tau_ratio, 4.0),
+    ("forget_bias", 0.5, LSTM_RUN, lambda run: _net(run, "gate_shift").max().item(), 0.5),
+    ("gate_initialisation", "glorot", LSTM_RUN, _gates_orthogonal, False),
+    ("gate_initialisation", "orthogonal", {"architecture": "gru"}, _gates_orthogonal, True),
     ("constraint", "softplus", CTRNN_RUN, lambda run: _net(run, "constraint"), "softplus"),
     ("spectral_radius", 0.7, ESN_RUN, lambda run: _net(run, "spectral_radius"), 0.7),
     ("density", 0.4, ESN_RUN, lambda run: _net(run, "density"), 0.4),
@@ -323,6 +346,57 @@ def test_worlds_for_a_batch() -> None:
     assert make_batch_task(TrainConfig()).n_worlds == 100
     assert make_batch_task(TrainConfig(batch_steps=10_000)).n_worlds == 20
     assert make_batch_task(TrainConfig(batch_steps=100)).n_worlds == 1
+
+
+@pytest.mark.parametrize("reading", ["text", "literal", "code"])
+def test_a_subset_of_sensors_is_for_two_robots(reading: str) -> None:
+    config = TrainConfig(task="HalfCheetah", features=reading, worlds=1)
+    assert _net(Training(config), "feature_size") == 20
+
+
+def test_the_best_batch_s_policy_is_kept(tmp_path: Path) -> None:
+    config = TrainConfig(**{**SMALL, "iterations": 5}, checkpoint_every=1)
+    starts = [make_run_policy(config, make_batch_task(config)).parameter_vector()]
+    run = train(config, tmp_path, report=lambda run: starts.append(run.policy.parameter_vector()))
+    batch = int(run.curve.mean_return.argmax())
+    best = Training.load(tmp_path).best
+    assert best is not None
+    assert (best.iteration, best.mean_return) == (batch + 1, run.curve.mean_return.max())
+    # The policy that collected a batch is the one the iteration before left.
+    assert torch.equal(best.parameters, starts[batch])
+
+
+@pytest.mark.parametrize("what", ["code", "torch"])
+def test_a_run_of_other_code_or_versions_is_not_gone_on_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str
+) -> None:
+    config = TrainConfig(**{**SMALL, "iterations": 2})
+    train(dataclasses.replace(config, iterations=1), tmp_path)
+    now = training.made_with()
+    monkeypatch.setattr(training, "made_with", lambda: now | {what: "0.0"})
+    with pytest.raises(ValueError, match=f"was made with {what} .*, not 0.0, .* --any-version"):
+        train(config, tmp_path)
+    assert Training.load(tmp_path).iteration == 1
+    same(train(config, tmp_path, any_version=True), train(config))
+
+
+def test_the_code_digest_sees_every_module_that_decides_a_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    library = Path(training.__file__).parents[1]
+    copy = tmp_path / "thesis_lib"
+    shutil.copytree(library, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(training, "__file__", str(copy / "experiments" / "training.py"))
+    digest = training.code_digest.__wrapped__
+    before = digest()
+    assert before == training.code_digest()
+    for changed in ("locomotion/batch.py", "policies/vanilla.py", "optimisation/trpo.py"):
+        with (copy / changed).open("a") as file:
+            file.write("# other\n")
+        assert digest() != before
+        before = digest()
+    (copy / "stats.py").write_text("")
+    assert digest() == before
 
 
 def test_a_hill_run_has_its_own_map() -> None:
@@ -522,7 +596,7 @@ def test_another_version(tmp_path: Path) -> None:
         ({"worlds": 0}, "worlds is 0"),
         ({"seed": -1}, "seed is -1"),
         ({"precision": "float16"}, "choose one of float32, float64"),
-        ({"features": "some"}, "choose one of thesis, full"),
+        ({"features": "some"}, "choose one of thesis, text, literal"),
         ({"task": 3}, "task is 3, but it must be text"),
         ({"iterations": 2.5}, r"iterations is 2\.5, but it must be a whole number"),
         ({"iterations": None}, "iterations is None, but it must be a whole number"),

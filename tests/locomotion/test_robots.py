@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.locomotion import robots
+from thesis_lib.locomotion.terrain import hill_maps
 
 LEG_MASSES = [4.057891, 2.781357]
 MASSES = {
@@ -261,6 +262,29 @@ def test_a_level_ground_is_level():
 
     model = robots.build_model("Ant", Level())
     assert surface_z(model, 1.0, 1.0) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("hilly", [False, True])
+@pytest.mark.parametrize("name", robots.ROBOTS)
+def test_without_islands_every_state_is_the_same_bit_for_bit(name, hilly):
+    ground = hill_maps(1, 0.5, np.random.SeedSequence(0), robot=name)[0] if hilly else None
+    island = mujoco.mjtDisableBit.mjDSBL_ISLAND
+
+    def enabled(spec):
+        spec.option.disableflags &= ~island
+
+    states = []
+    for edits in ((), (enabled,)):
+        model = robots.build_model(name, ground, edits)
+        assert bool(model.opt.disableflags & island) == (not edits)
+        data, rng = mujoco.MjData(model), np.random.default_rng(0)
+        visited = []
+        for _ in range(200):
+            data.ctrl[:] = rng.uniform(*model.actuator_ctrlrange.T)
+            mujoco.mj_step(model, data)
+            visited.append(np.r_[data.qpos, data.qvel])
+        states.append(np.array(visited))
+    np.testing.assert_array_equal(*states)
 
 
 def test_floor_properties_survive_the_ground(models):

@@ -264,6 +264,16 @@ def test_any_time_constant_can_be_the_first(constraint: str, seconds: float) -> 
     np.testing.assert_allclose(policy.time_constants().detach(), seconds, rtol=1e-9)
 
 
+@pytest.mark.parametrize("constraint", ["clamp", "softplus", "exponential"])
+def test_time_constants_are_spread_evenly_in_their_logarithm(constraint: str) -> None:
+    policy = make_policy(
+        "ctrnn", 4, 1, dt=0.1, constraint=constraint, time_constant=0.4, time_constant_spread=4.0
+    )
+    assert isinstance(policy, CTRNN)
+    # N = 3: half of .4, .4 and twice .4
+    torch.testing.assert_close(policy.time_constants().detach(), torch.tensor([0.2, 0.4, 0.8]))
+
+
 def test_the_clamp_leaves_other_time_constants_alone() -> None:
     policy = make_policy("ctrnn", OBSERVED, ACTIONS, dt=DT)
     assert isinstance(policy, CTRNN)

@@ -177,6 +177,11 @@ def test_divergence_against_its_integral() -> None:
         (("dffwd", 4, 2, {"hidden": (10, 0)}), "a layer of 0 units"),
         (("dffwd", 4, 2, {"units": 5}), "units is 5, but dffwd has layers of its own"),
         (("dffwd-softplus", 4, 2, {"units": 5}), "dffwd-softplus has layers of its own"),
+        (
+            ("ctrnn", 4, 2, {"time_constant": 0.15, "time_constant_spread": 9.0}),
+            r"0.15 s \(smallest 0.05 s\), but it must be at least the control step of 0.1 s",
+        ),
+        (("ctrnn", 4, 2, {"time_constant_spread": 0.5}), "time_constant_spread is 0.5, but the"),
         (("ctrnn", 4, 2, {"time_constant": math.inf}), "time_constant is inf s, but it must be a"),
         (("ctrnn", 4, 2, {"time_constant": math.nan}), "time_constant is nan s, but it must be a"),
         (("ctrnn", 4, 2, {"time_constant": 1e40}), r"of seconds up to 3\.4e\+38"),

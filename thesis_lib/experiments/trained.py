@@ -13,7 +13,7 @@ from typing import Any
 
 import torch
 
-from thesis_lib.experiments.training import TrainConfig, Training, write_tensors
+from thesis_lib.experiments.training import Best, TrainConfig, Training, write_tensors
 
 FORMAT = 1
 """Format of the file."""
@@ -46,6 +46,7 @@ def write_policies(runs: Sequence[tuple[str, Path]], path: Path | str) -> dict[s
             "config": dataclasses.asdict(run.config),
             "iteration": run.iteration,
             "parameters": run.policy.parameter_vector(),
+            "best": None if run.best is None else vars(run.best),
         }
     write_tensors({"format": FORMAT, "policies": policies}, Path(path))
     return unread
@@ -114,6 +115,8 @@ class TrainedPolicies:
             run.policy.set_parameter_vector(kept["parameters"])
             run.policy.check_finite()
             run.iteration = int(kept["iteration"])
+            # Files of the first kind hold the last policies alone.
+            run.best = Best(**kept["best"]) if kept.get("best") else None
         except (
             AttributeError,
             FloatingPointError,

@@ -9,15 +9,19 @@ from __future__ import annotations
 
 import dataclasses
 import fcntl
+import hashlib
 import json
 import math
 import os
+import platform
 import sys
 import time
 import typing
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
+from importlib import metadata
 from io import BytesIO
 from numbers import Integral, Real
 from pathlib import Path
@@ -36,7 +40,7 @@ from thesis_lib.experiments.base import (
     writable_directory,
 )
 from thesis_lib.locomotion import BatchTask, make_task
-from thesis_lib.locomotion.perturbations import occlusion
+from thesis_lib.locomotion.perturbations import SUBSETS
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.locomotion.terrain import hill_maps
 from thesis_lib.optimisation import (
@@ -55,7 +59,7 @@ from thesis_lib.optimisation.problem import Algorithm
 from thesis_lib.policies import ARCHITECTURES, DEEP_NETS, GaussianPolicy, make_policy
 from thesis_lib.published import load as published
 
-FORMAT = 2
+FORMAT = 3
 """Version of the checkpoints this library writes and reads."""
 
 FILES = ("checkpoint.pt", "curve.csv", "run.json")
@@ -64,7 +68,11 @@ FILES = ("checkpoint.pt", "curve.csv", "run.json")
 TERRAINS = ("flat", "hill")
 ALGORITHMS = ("trpo", "vpg", "natural", "ppo")
 BASELINES = ("linear", "network")
-FEATURES = ("thesis", "full")
+FEATURES = ("thesis", "text", "literal", "code", "full")
+SUBSET = "text"
+"""The reading of table 5.1's feature subset that ``features="thesis"`` stands for."""
+NARROWED = ("Swimmer", "Hopper")
+"""Robots on which table 5.1 gives recurrent nets a subset of the sensors."""
 PRECISIONS: Mapping[str, torch.dtype] = {"float32": torch.float32, "float64": torch.float64}
 
 DUAN_DELTA: Mapping[str, float] = {"Swimmer": 0.1}
@@ -103,6 +111,9 @@ _NEEDS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "spectral_radius": ("architecture", ("esn",)),
     "density": ("architecture", ("esn",)),
     "leak": ("architecture", ("esn",)),
+    "forget_bias": ("architecture", ("lstm",)),
+    "gate_initialisation": ("architecture", ("gru", "lstm")),
+    "time_constant_spread": ("architecture", ("ctrnn",)),
     "initialisation": ("architecture", ("ffwd", "dffwd", "dffwd-softplus", "ffwd-400")),
     "units": ("architecture", tuple(name for name in ARCHITECTURES if name not in DEEP_NETS)),
     "learning_rate": ("algorithm", ("vpg", "ppo")),
@@ -156,7 +167,8 @@ class TrainConfig:
     kl_direction: str = "old_new"
     """old_new (the author's code) or new_old (equation 2.14)."""
     features: str = "thesis"
-    """thesis: recurrent nets see the subset of table 5.1 on Hopper and Swimmer; or full."""
+    """What recurrent nets see of Hopper and Swimmer: a reading of table 5.1 (thesis, the default
+    one; text, literal or code, see SUBSETS), or full."""
     difficulty: float = 0.5
     """Height of the hills in metres."""
     maps: int = 1
@@ -173,6 +185,8 @@ class TrainConfig:
     """Of the CTRNN: heun (the author's "midpoint"), euler or midpoint."""
     time_constant: float = 1.0
     """Initial time constants of the CTRNN in seconds."""
+    time_constant_spread: float = 1.0
+    """Largest over smallest of them."""
     constraint: str = "clamp"
     """How the CTRNN's time constants stay above the step: clamp, softplus, exponential."""
     spectral_radius: float | None = None
@@ -181,6 +195,11 @@ class TrainConfig:
     """Of the ESN's recurrent weights; default table 5.1."""
     leak: float = 0.5
     """Of the ESN."""
+    forget_bias: float = 1.0
+    """Of the LSTM: constant added in its forget gate."""
+    gate_initialisation: str | None = None
+    """Law of a gated net's recurrent weights, glorot or orthogonal; default the author's: glorot
+    for the GRU, orthogonal for the LSTM."""
     initial_log_std: float = 0.0
     """Start of the log standard deviation of the actions."""
     initialisation: str = "glorot"
@@ -344,8 +363,13 @@ def make_run_policy(config: TrainConfig, task: BatchTask) -> GaussianPolicy:
         options |= {
             "integrator": config.integrator,
             "time_constant": config.time_constant,
+            "time_constant_spread": config.time_constant_spread,
             "constraint": config.constraint,
         }
+    if config.architecture == "lstm":
+        options["forget_bias"] = config.forget_bias
+    if config.gate_initialisation is not None and "gate_initialisation" not in idle:
+        options["initialisation"] = config.gate_initialisation
     if config.architecture == "esn":
         options["leak"] = config.leak
         for name, printed in (
@@ -355,10 +379,10 @@ def make_run_policy(config: TrainConfig, task: BatchTask) -> GaussianPolicy:
             asked = getattr(config, name)
             options[name] = table_5_1(config.task, "esn", printed) if asked is None else asked
     features = None
-    subset = occlusion(config.task)
     recurrent = config.architecture in ("dtrnn", "ctrnn", "gru", "lstm", "esn")
-    if config.features == "thesis" and recurrent and subset is not None:
-        features = [int(i) for i in subset.keep]
+    if recurrent and config.features != "full" and config.task in NARROWED:
+        reading = SUBSET if config.features == "thesis" else config.features
+        features = [int(i) for i in SUBSETS[reading][config.task]]
     return make_policy(
         config.architecture,
         task.observation_size,
@@ -432,6 +456,25 @@ class TrainingStopped(RuntimeError):  # noqa: N818 - it names what happened to t
     """A number that is not finite, or a full disk, ended a run; the message says when and why."""
 
 
+@dataclass(frozen=True)
+class Best:
+    """The policy of the best batch of a run.
+
+    Attributes
+    ----------
+    iteration
+        Which batch that was, from 1.
+    mean_return
+        Mean return of its episodes.
+    parameters
+        What the policy that collected it had learned (``parameter_vector``).
+    """
+
+    iteration: int
+    mean_return: float
+    parameters: torch.Tensor
+
+
 class Training:
     """A training run in progress.
 
@@ -446,6 +489,8 @@ class Training:
         The policy as it is now.
     iteration
         Iterations done.
+    best
+        The policy that earned the highest mean return of a batch so far, None before the first.
     """
 
     def __init__(self, config: TrainConfig) -> None:
@@ -462,6 +507,7 @@ class Training:
         )
         self.iteration = 0
         self.rows: list[dict[str, Any]] = []
+        self.best: Best | None = None
 
     @property
     def curve(self) -> pd.DataFrame:
@@ -481,6 +527,7 @@ class Training:
             When a number is not finite.  The policy may be spoilt then.
         """
         wall, start = time.perf_counter(), time.process_time()
+        before = self.policy.parameter_vector()
         try:
             self.task.reseed(self._seed("task"))
             generator = np.random.default_rng(self._seed("noise"))
@@ -498,6 +545,8 @@ class Training:
             "wall_seconds": time.perf_counter() - wall,
         }
         self.rows.append(row)
+        if self.best is None or row["mean_return"] > self.best.mean_return:
+            self.best = Best(self.iteration, row["mean_return"], before)
         return row
 
     def _row(self, rollouts: Rollouts, report: UpdateReport) -> dict[str, Any]:
@@ -555,6 +604,8 @@ class Training:
             "baseline": self.learner.baseline.state_dict(),
             "algorithm": algorithm.state_dict() if isinstance(algorithm, PPO) else None,
             "rows": self.rows,
+            "best": None if self.best is None else vars(self.best),
+            "made_with": made_with(),
         }
         path = folder / "checkpoint.pt"
         # In this order: what the record says is done is in the checkpoint.
@@ -568,13 +619,16 @@ class Training:
                 "parameters": self.policy.n_trainable,
                 "iteration": self.iteration,
                 "columns": dict(CURVE_COLUMNS),
+                "code": code_digest(),
                 **environment(),
             }
             temporary.write_text(json.dumps(record, indent=1) + "\n")
         return path
 
     @classmethod
-    def load(cls, path: Path | str, config: TrainConfig | None = None) -> Training:
+    def load(
+        cls, path: Path | str, config: TrainConfig | None = None, *, any_version: bool = True
+    ) -> Training:
         """Take a run up where a checkpoint left it.
 
         Parameters
@@ -584,6 +638,9 @@ class Training:
         config
             The run that is asked for; it may ask for another number of iterations,
             other checkpoints or other threads, and for nothing else.
+        any_version
+            Whether a checkpoint made by other code or other versions of the libraries is
+            taken up: its next numbers may then be others than they would have been.
 
         Raises
         ------
@@ -599,6 +656,8 @@ class Training:
         except (TypeError, ValueError) as error:
             what = f"a setting this version does not have ({str(error).rstrip('.')})"
             raise _foreign(path, what) from error
+        if not any_version:
+            _check_made_with(content, path)
         if config is not None:
             for name, (have, want) in differences(content, config).items():
                 raise ValueError(
@@ -643,6 +702,10 @@ class Training:
                 raise _foreign(path, "no state of ppo") from error
         self.iteration = content["iteration"]
         self.rows = content["rows"]
+        try:
+            self.best = None if content["best"] is None else Best(**content["best"])
+        except (KeyError, TypeError) as error:
+            raise _foreign(path, "no policy of its best batch") from error
         whole = (r for r in self.rows if isinstance(r, dict) and "steps" in r)
         if [r.get("iteration") for r in whole] != list(range(1, self.iteration + 1)):
             raise _foreign(path, f"another curve than that of its {self.iteration} iterations")
@@ -650,6 +713,41 @@ class Training:
 
 _CONTENT = {"config": dict, "iteration": int, "policy": dict, "baseline": dict, "rows": list}
 """What every checkpoint holds besides its format."""
+
+
+_LEARNED_BY = ("locomotion", "policies", "optimisation")
+"""Packages whose code decides the numbers of a run, besides this module's."""
+
+
+@cache
+def code_digest() -> str:
+    """SHA-256, in hexadecimal, of all code that decides the numbers of a run."""
+    library = Path(__file__).parents[1]
+    files = [path for name in _LEARNED_BY for path in sorted((library / name).rglob("*.py"))]
+    digest = hashlib.sha256()
+    for path in (*files, Path(__file__)):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+def made_with() -> dict[str, str]:
+    """What a run's numbers depend on besides its settings: code and versions."""
+    needed = ("numpy", "torch", "mujoco", "gymnasium")
+    versions = {name: metadata.version(name) for name in needed}
+    return {"code": code_digest(), "python": platform.python_version(), **versions}
+
+
+def _check_made_with(content: Mapping[str, Any], path: Path | str) -> None:
+    """Raise ValueError unless a checkpoint was made by this code and these versions."""
+    had = content.get("made_with") or {}
+    for name, now in made_with().items():
+        if had.get(name) != now:
+            then = str(had.get(name, "unknown"))
+            raise ValueError(
+                f"the checkpoint in {str(path)!r} was made with {name} {then[:12]}, not "
+                f"{now[:12]}, so that going on would mix two versions: go on all the same with "
+                "--any-version, use the version that wrote it, or choose another directory."
+            )
 
 
 def write_tensors(content: object, path: Path) -> None:
@@ -727,6 +825,7 @@ def train(
     directory: Path | str | None = None,
     *,
     resume: bool = True,
+    any_version: bool = False,
     report: Callable[[Training], None] | None = None,
 ) -> Training:
     """Run a training to its last iteration.
@@ -739,6 +838,8 @@ def train(
         Where its checkpoint and learning curve go; None keeps nothing.
     resume
         Whether to go on from a checkpoint in the directory.
+    any_version
+        Whether to go on from one that other code or other versions made.
     report
         Called after every iteration.
 
@@ -756,10 +857,10 @@ def train(
         When the directory holds another run.
     """
     if directory is None:
-        return _train(config, None, resume, report)
+        return _train(config, None, resume, any_version, report)
     folder = writable_directory(directory)
     with _alone(folder):
-        return _train(config, folder, resume, report)
+        return _train(config, folder, resume, any_version, report)
 
 
 @contextmanager
@@ -786,6 +887,7 @@ def _train(
     config: TrainConfig,
     folder: Path | None,
     resume: bool,
+    any_version: bool,
     report: Callable[[Training], None] | None,
 ) -> Training:
     has_checkpoint = folder is not None and (folder / "checkpoint.pt").exists()
@@ -794,7 +896,10 @@ def _train(
             f"{str(folder)!r} already holds a run: go on with it (resume), or choose another "
             "directory."
         )
-    run = Training.load(folder, config) if has_checkpoint and folder else Training(config)
+    if has_checkpoint and folder:
+        run = Training.load(folder, config, any_version=any_version)
+    else:
+        run = Training(config)
     try:
         if folder is not None:
             # A run killed while it saved may have left an older curve and half a file.

@@ -37,6 +37,12 @@ SUBSETS: Mapping[str, Mapping[str, tuple[int, ...]]] = MappingProxyType(
                 "Hopper": (*range(5), *range(11, 17)),
             }
         ),
+        "literal": MappingProxyType(
+            {
+                "Swimmer": (*range(12), *range(17, 20)),
+                "Hopper": (*range(7), *range(11, 20)),
+            }
+        ),
         "code": MappingProxyType(
             {
                 "Swimmer": (6, 7, 8),
@@ -51,8 +57,9 @@ SUBSETS: Mapping[str, Mapping[str, tuple[int, ...]]] = MappingProxyType(
 """Sensors left to recurrent networks, as indices into the full observation.
 
 ``text``: table 5.1's "feature subset that does not include angular velocities", which the
-author's code holds under older names.  ``code``: the subsets its launcher would choose today;
-the hopper's keeps the velocities."""
+author's code holds under older names; it leaves out all velocities and the centre of mass.
+``literal``: all sensors but the angular velocities.  ``code``: the subsets its launcher would
+choose today; the hopper's keeps the velocities."""
 
 
 def _check_onset(onset: int) -> None:
@@ -221,7 +228,9 @@ class _SensorFailureEffect(Effect):
         return changed
 
 
-def occlusion(robot: str, reading: Literal["text", "code"] = "text") -> SensorSubset | None:
+def occlusion(
+    robot: str, reading: Literal["text", "literal", "code"] = "text"
+) -> SensorSubset | None:
     """The sensors the thesis leaves to recurrent networks (table 5.1).
 
     Parameters
@@ -242,7 +251,8 @@ def occlusion(robot: str, reading: Literal["text", "code"] = "text") -> SensorSu
         If the reading is unknown.
     """
     if reading not in SUBSETS:
-        raise ValueError(f"reading is {reading!r}, but it must be 'text' or 'code'.")
+        allowed = ", ".join(map(repr, SUBSETS))
+        raise ValueError(f"reading is {reading!r}, but it must be one of {allowed}.")
     keep = SUBSETS[reading].get(robot)
     return None if keep is None else SensorSubset(keep)
 

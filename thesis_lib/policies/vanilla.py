@@ -92,6 +92,9 @@ class CTRNN(DTRNN):
         Initial :math:`\tau` of every unit in seconds, above ``dt`` unless the
         constraint is a clamp.  The value used in the thesis is not recorded; 1 is the
         author's default.
+    time_constant_spread
+        Largest over smallest initial :math:`\tau`: they are spaced evenly in their
+        logarithm around ``time_constant``.
     constraint
         How :math:`\tau \ge \Delta t` is kept.  ``"clamp"``: :math:`\tau` is learned
         and raised to :math:`\Delta t` whenever parameters are set, as in the thesis.
@@ -120,6 +123,7 @@ class CTRNN(DTRNN):
         seed: int = 0,
         integrator: str = "heun",
         time_constant: float = 1.0,
+        time_constant_spread: float = 1.0,
         constraint: str = "clamp",
         trainable_time_constant: bool = True,
         bias: bool = True,
@@ -146,11 +150,18 @@ class CTRNN(DTRNN):
                 f"time_constant is {time_constant} s, but it must be a number of seconds up to "
                 f"{largest:.3g}, the largest there is of this type."
             )
-        if not (time_constant >= dt if constraint == "clamp" else time_constant > dt):
-            relation = "at least" if constraint == "clamp" else "above"
+        if not 1 <= time_constant_spread < math.inf:
             raise ValueError(
-                f"time_constant is {time_constant} s, but it must be {relation} the control step "
-                f"of {dt} s, below which the integrator is unstable."
+                f"time_constant_spread is {time_constant_spread}, but the largest time constant "
+                "is at least 1 times the smallest."
+            )
+        smallest = time_constant / math.sqrt(time_constant_spread)
+        if not (smallest >= dt if constraint == "clamp" else smallest > dt):
+            relation = "at least" if constraint == "clamp" else "above"
+            spread = f" (smallest {smallest:.3g} s)" if time_constant_spread > 1 else ""
+            raise ValueError(
+                f"time_constant is {time_constant} s{spread}, but it must be {relation} the "
+                f"control step of {dt} s, below which the integrator is unstable."
             )
         super().__init__(
             observation_size,
@@ -168,16 +179,16 @@ class CTRNN(DTRNN):
         self.dt = float(dt)
         self.integrator = integrator
         self.constraint = constraint
-        if constraint == "clamp":
-            raw = time_constant
-        elif constraint == "softplus":
+        place = torch.linspace(-0.5, 0.5, units, dtype=torch.float64)
+        tau = time_constant * time_constant_spread**place
+        if constraint == "softplus":
             # log(exp(x) - 1) that does not overflow
-            x = time_constant - dt
-            raw = x + math.log(-math.expm1(-x))
+            raw = (tau - dt) + torch.log(-torch.expm1(dt - tau))
+        elif constraint == "exponential":
+            raw = torch.log(tau - dt)
         else:
-            raw = math.log(time_constant - dt)
-        values = torch.full((units,), raw, dtype=dtype)
-        self.tau_raw = nn.Parameter(values, requires_grad=trainable_time_constant)
+            raw = tau
+        self.tau_raw = nn.Parameter(raw.to(dtype), requires_grad=trainable_time_constant)
 
     def time_constants(self) -> Tensor:
         r""":math:`\tau` of every unit in seconds, shape ``(N,)``."""
