@@ -44,7 +44,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
-from thesis_lib.experiments.base import environment, replacing
+from thesis_lib.edition.experiment import environment, replacing
 from thesis_lib.experiments.training import TrainConfig, train
 from thesis_lib.policies import make_policy
 from thesis_lib.stats import welch

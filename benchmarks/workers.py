@@ -14,7 +14,7 @@ import statistics
 import time
 from dataclasses import replace
 
-from thesis_lib.experiments import find
+from thesis_lib.edition.chapters import find
 from thesis_lib.experiments.chapter3.continuing_cliff import FIGURE_3_1
 from thesis_lib.experiments.chapter3.table_3_1 import TABLE_3_1
 

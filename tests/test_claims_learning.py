@@ -6,8 +6,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from thesis_lib.claims import effect
 from thesis_lib.claims.learning import DIFFERENCES, measured
+from thesis_lib.edition.scoreboard import effect
 from thesis_lib.experiments.sweep import Grid, run_name, write
 from thesis_lib.experiments.training import TrainConfig, train
 from thesis_lib.optimisation import TRPO, Learner, LinearBaseline

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from thesis_lib import cli
-from thesis_lib.experiments import experiments
+from thesis_lib.edition.chapters import experiments
 
 
 def test_list_names_every_experiment(capsys):
@@ -92,17 +92,21 @@ def test_interruption_leaves_no_file(tmp_path, capsys, monkeypatch):
     def stopped(*arguments, **options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("thesis_lib.experiments.base.Experiment.run", stopped)
+    monkeypatch.setattr("thesis_lib.edition.experiment.Experiment.run", stopped)
     assert cli.main(["run", "figure-3.3", "--budget", "smoke", "--out", str(tmp_path)]) == 130
     assert "interrupted" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 
+def test_claims_without_their_tables_name_the_command(tmp_path, capsys):
+    assert cli.main(["claims", "3.4.3-caption", "--results", str(tmp_path)]) == 2
+    assert "make it with `thesis run figure-3.3" in capsys.readouterr().err
+
+
 def test_claims_prints_the_ledger(tmp_path, capsys):
-    assert cli.main(["claims", "3.4.1", "--results", str(tmp_path)]) == 0
-    out = capsys.readouterr().out
-    assert "NOT RUN" in out
-    assert "thesis run table-3.1" in out
+    cli.main(["run", "figure-3.3", "--budget", "smoke", "--out", str(tmp_path)])
+    assert cli.main(["claims", "3.4.3-caption", "--results", str(tmp_path)]) == 0
+    assert "3.4.3-caption  [Figure 3.3]  INCONCLUSIVE AT THIS BUDGET" in capsys.readouterr().out
 
 
 def test_installed_command_helps():

@@ -16,7 +16,7 @@ import torch
 from PIL import Image
 
 from thesis_lib import cli
-from thesis_lib.experiments.base import load
+from thesis_lib.edition.experiment import load
 from thesis_lib.experiments.evaluation import EvaluateConfig, evaluate
 from thesis_lib.experiments.training import (
     FILES,

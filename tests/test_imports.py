@@ -26,11 +26,12 @@ LAYERS = (
     {
         *("potentials", "relevance", "selection", "optimisation", "robustness"),
     },
+    {"edition"},
     {"experiments"},
     {"claims", "book", "cli"},
 )
 LEVEL = {unit: level for level, units in enumerate(LAYERS) for unit in units}
-EXPERIMENTS = LEVEL["experiments"]
+EXPERIMENTS = LEVEL["edition"]
 
 FILES = sorted(PACKAGE.rglob("*.py"))
 UNITS = sorted({path.relative_to(PACKAGE).parts[0].removesuffix(".py") for path in FILES})

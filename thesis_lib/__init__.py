@@ -5,7 +5,7 @@ The package is laid out as the thesis is: :mod:`thesis_lib.mdp` (chapter 2),
 :mod:`thesis_lib.relevance` and :mod:`thesis_lib.selection` (chapter 4),
 :mod:`thesis_lib.locomotion`, :mod:`thesis_lib.policies` and
 :mod:`thesis_lib.optimisation` (chapter 5).  Imports run one way, from those to
-:mod:`thesis_lib.experiments` and on to the ledger, the book and the command line.
+:mod:`thesis_lib.edition` and on to the chapters, the book and the command line.
 """
 
 import time

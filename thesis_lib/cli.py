@@ -7,6 +7,7 @@ import errno
 import os
 import shlex
 import sys
+import textwrap
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,15 +18,15 @@ import pandas as pd
 import tyro
 
 from thesis_lib.checkout import repository_root
-from thesis_lib.experiments import experiments, find
-from thesis_lib.experiments import sweep as sweeps
-from thesis_lib.experiments.base import (
+from thesis_lib.edition.chapters import experiments, find
+from thesis_lib.edition.experiment import (
     BUDGETS,
     check_budget,
     check_seed,
     results_directory,
     writable_directory,
 )
+from thesis_lib.experiments import sweep as sweeps
 from thesis_lib.experiments.evaluation import (
     Disturbances,
     EvaluateConfig,
@@ -95,22 +96,15 @@ Budget = Annotated[str, tyro.conf.arg(metavar="{" + ",".join(BUDGETS) + "}")]
 
 @dataclass(frozen=True)
 class List:
-    """List every experiment: id, thesis item, expected seconds at each budget."""
+    """List every experiment: id, seconds at the book budget on one core, what it measures."""
 
     def __call__(self) -> int:
-        """Print the list."""
-        table = pd.DataFrame(
-            [
-                {
-                    "id": e.id,
-                    "item": e.item,
-                    **{f"{b} [s]": f"{e.seconds[b]:g}" for b in BUDGETS},
-                    "what it measures": e.title,
-                }
-                for e in experiments().values()
-            ]
-        )
-        print(_text(table, most=len(table)))
+        """Print the list, in lines of at most 100 columns."""
+        known = experiments().values()
+        wide = max(len(e.id) for e in known)
+        for e in known:
+            line = f"{e.id:{wide}} {e.seconds:5g} s  "
+            print(line + textwrap.shorten(e.title, 100 - len(line), placeholder=" ..."))
         return 0
 
 
@@ -367,7 +361,7 @@ class Claims:
 
     def __call__(self) -> int:
         """Print the ledger."""
-        from thesis_lib.claims import judge_all
+        from thesis_lib.edition.scoreboard import judge_all
 
         judged = judge_all(self.results or results_directory("book"), self.only)
         for j in judged:

@@ -11,9 +11,9 @@ from thesis_lib.book.names import exists
         ("thesis_lib", True),
         ("thesis_lib.mdp.model", True),
         ("thesis_lib.mdp.model.TabularMDP", True),
-        ("thesis_lib.book.notebook.Page.run", True),
-        ("thesis_lib.book.notebook.Page.budget", True),  # a field without a default
-        ("thesis_lib.book.notebook.Page.budget.upper", False),
+        ("thesis_lib.edition.page.Page.run", True),
+        ("thesis_lib.edition.page.Page.budget", True),  # a field without a default
+        ("thesis_lib.edition.page.Page.budget.upper", False),
         ("thesis_lib.mdp.model.NoSuchThing", False),
         ("thesis_lib.no_such_module", False),
         ("numpy.array", False),

@@ -8,8 +8,8 @@ import nbformat
 import pytest
 import yaml
 
-from thesis_lib.book.notebook import assigned_names
 from thesis_lib.book.sources import code_cells, parameter_names, read
+from thesis_lib.edition.page import assigned_names
 
 ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from thesis_lib.claims import Claim, Verdict
 from thesis_lib.claims.appendix_a import CLAIMS, DIFFERENCES
 from thesis_lib.domains.appendix_a import figure_a1, figure_a2, policy, state_values
-from thesis_lib.experiments import experiments
+from thesis_lib.edition.chapters import experiments
 from thesis_lib.experiments.appendix_a import EXPERIMENTS
 from thesis_lib.experiments.appendix_a.fact_1 import Config
 from thesis_lib.experiments.appendix_a.fact_2 import communicating

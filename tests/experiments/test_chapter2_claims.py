@@ -6,7 +6,7 @@ import pytest
 
 from thesis_lib.claims import Claim, Verdict
 from thesis_lib.claims.chapter2 import CLAIMS, DIFFERENCES
-from thesis_lib.experiments import experiments
+from thesis_lib.edition.chapters import experiments
 from thesis_lib.experiments.chapter2 import SECTION_2_3_4, SECTION_2_3_5
 
 BY_ID: dict[str, Claim] = {claim.id: claim for claim in CLAIMS}

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.experiments.base import Context
+from thesis_lib.edition.experiment import Context
 from thesis_lib.experiments.chapter2 import EXPERIMENTS, SECTION_2_3_2, SECTION_2_3_3
 from thesis_lib.experiments.chapter2 import cliff_learning as c
 from thesis_lib.published import load

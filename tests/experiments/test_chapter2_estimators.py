@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thesis_lib.experiments.base import Context
+from thesis_lib.edition.experiment import Context
 from thesis_lib.experiments.chapter2 import estimators as e
 
 TD = ["td_difference", "td_mean_difference"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.domains import continuing_cliff
-from thesis_lib.experiments.base import Context
+from thesis_lib.edition.experiment import Context
 from thesis_lib.experiments.chapter3 import EXPERIMENTS, beyond, common, table_3_1
 from thesis_lib.experiments.chapter3 import continuing_cliff as cc
 from thesis_lib.mdp import planning

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.domains import stock
-from thesis_lib.experiments.base import Context
+from thesis_lib.edition.experiment import Context
 from thesis_lib.experiments.chapter4 import functions, task_relevance
 from thesis_lib.experiments.chapter4.curves import exact_solutions
 from thesis_lib.experiments.chapter4.families import meadow

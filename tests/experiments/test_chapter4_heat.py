@@ -12,7 +12,7 @@ from thesis_lib.claims import Verdict
 from thesis_lib.claims import chapter4_heat as ledger
 from thesis_lib.domains.heat import HeatTask
 from thesis_lib.domains.heat_learning import HeatLearned, sarsa_lambda
-from thesis_lib.experiments.base import Context
+from thesis_lib.edition.experiment import Context
 from thesis_lib.experiments.chapter4 import heat, heat_readings
 from thesis_lib.experiments.chapter4.heat_worlds import HeatLearner, HeatSpace
 from thesis_lib.experiments.chapter4.protocol import Protocol

@@ -10,7 +10,7 @@ import torch
 from thesis_lib.book import architectures as show
 from thesis_lib.claims import Claim, Verdict
 from thesis_lib.claims.chapter5 import CLAIMS
-from thesis_lib.experiments.base import Context
+from thesis_lib.edition.experiment import Context
 from thesis_lib.experiments.chapter5.architectures import GAIT, untrained_net
 from thesis_lib.experiments.chapter5.first_means import SECTION_5_4_FIRST_MEANS, FirstMeansConfig
 from thesis_lib.experiments.chapter5.gaits import SECTION_5_5_2_GAITS, GaitsConfig, beat

@@ -10,7 +10,7 @@ from scipy import stats
 
 from thesis_lib.claims import Verdict
 from thesis_lib.claims.chapter5 import low_pass_trained
-from thesis_lib.experiments.base import Context
+from thesis_lib.edition.experiment import Context
 from thesis_lib.experiments.chapter5 import trained
 from thesis_lib.experiments.chapter5.saved_runs import SECTION_5_5_1_OPTIONS
 from thesis_lib.experiments.saved import saved

@@ -9,8 +9,9 @@ import pytest
 
 from thesis_lib import published
 from thesis_lib.book import chapter5 as show
-from thesis_lib.claims import Claim, Verdict, effect
+from thesis_lib.claims import Claim, Verdict
 from thesis_lib.claims.chapter5 import CLAIMS, DIFFERENCES
+from thesis_lib.edition.scoreboard import effect
 from thesis_lib.experiments.chapter5.untrained import (
     BASELINE,
     METRONOME,

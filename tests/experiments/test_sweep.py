@@ -15,7 +15,7 @@ import pytest
 from scipy import stats
 
 from thesis_lib import cli
-from thesis_lib.experiments.base import load
+from thesis_lib.edition.experiment import load
 from thesis_lib.experiments.sweep import (
     CURVES_COLUMNS,
     GRID_COLUMNS,

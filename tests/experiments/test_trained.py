@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from thesis_lib import cli
-from thesis_lib.experiments.base import load
+from thesis_lib.edition.experiment import load
 from thesis_lib.experiments.evaluation import EvaluateConfig, evaluate
 from thesis_lib.experiments.sweep import Grid, run_name, write
 from thesis_lib.experiments.trained import TrainedPolicies

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.book.drawings import FOUR, THREE, TWO, action_legend, draw_chain
-from thesis_lib.book.style import COLOURS, PRINTED
 from thesis_lib.domains import Domain, figure_a1, figure_a2, figure_a3
+from thesis_lib.edition.plots import COLOURS, PRINTED
 from thesis_lib.mdp.model import TabularMDP
 
 POLICIES = (0.0, 0.25, 0.5, 0.95, 1.0)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 
-from thesis_lib.book.style import COLOURS, PRINTED
+from thesis_lib.edition.plots import COLOURS, PRINTED
 from thesis_lib.experiments.chapter5.architectures import FAST, GAIT, SLOW, gait_band
 from thesis_lib.locomotion.robots import ROBOTS
 

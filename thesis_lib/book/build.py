@@ -19,7 +19,7 @@ from thesis_lib.book.execution import Run, Task, execute, finished, last_run, pl
 from thesis_lib.book.pages import generated
 from thesis_lib.book.paths import Paths
 from thesis_lib.book.staging import fingerprint, stage
-from thesis_lib.experiments.base import check_budget, check_seed, replacing
+from thesis_lib.edition.experiment import check_budget, check_seed, replacing
 
 _STAMP = ".built.json"
 _COLLECTED = ".from-notebooks"
@@ -77,7 +77,7 @@ def build(
         }
         runs = {name: run for name, run in found.items() if run and _shows(run, tasks[name])}
         collect_tables(runs, paths.results)
-        stage(paths, tasks, runs, generated(paths.results, runs))
+        stage(paths, tasks, runs, generated(paths.results, runs, draft=paths.draft))
         status = _render(paths, strict=not only, say=say)
         if status == 0:
             say(

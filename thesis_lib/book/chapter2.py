@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy import stats
 
-from thesis_lib.book.style import COLOURS, PRINTED
+from thesis_lib.edition.plots import COLOURS, PRINTED
 from thesis_lib.experiments.chapter2.policy_search import NAMES, fisher
 
 COLOUR = {

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from thesis_lib.arrays import FloatArray
-from thesis_lib.book.style import COLOURS, PRINTED
 from thesis_lib.domains import Domain
+from thesis_lib.edition.plots import COLOURS, PRINTED
 from thesis_lib.experiments.chapter3.common import SYMBOLS
 
 LEARNERS = {

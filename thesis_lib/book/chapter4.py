@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator, NullLocator
 
-from thesis_lib.book.style import COLOURS, PRINTED
+from thesis_lib.edition.plots import COLOURS, PRINTED
 from thesis_lib.experiments.chapter4.functions import SYMBOLS as FUNCTIONS
 from thesis_lib.experiments.chapter4.protocol import SYMBOLS
 from thesis_lib.experiments.chapter4.task_relevance import SYMBOLS as TABLES

@@ -15,7 +15,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import ArrayLike
 
 from thesis_lib import published
-from thesis_lib.book.style import COLOURS, PRINTED
+from thesis_lib.edition.plots import COLOURS, PRINTED
 from thesis_lib.experiments.chapter5.untrained import Search, find_metronome
 from thesis_lib.locomotion import perturbations, rendering
 from thesis_lib.locomotion.batch import BatchTask

@@ -16,11 +16,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 from numpy.typing import ArrayLike
 
-from thesis_lib.book.style import COLOURS
 from thesis_lib.domains.cliff import ACTIONS, MOVES, CliffLayout
 from thesis_lib.domains.heat import HeatTask
 from thesis_lib.domains.stock import StockMDP
 from thesis_lib.domains.triangle import STATES, TriangleLayout
+from thesis_lib.edition.plots import COLOURS
 from thesis_lib.mdp.model import TabularMDP
 
 BLUE, VERMILION, GREEN, PURPLE, ORANGE = COLOURS[:5]

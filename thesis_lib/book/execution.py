@@ -26,10 +26,10 @@ from typing import Any
 
 import nbformat
 
-from thesis_lib.book.notebook import RESULTS_VARIABLE, check_parameters
 from thesis_lib.book.paths import Paths
 from thesis_lib.book.sources import code_cells, parameter_names, read
-from thesis_lib.experiments.base import environment
+from thesis_lib.edition.experiment import environment
+from thesis_lib.edition.page import RESULTS_VARIABLE, check_parameters
 from thesis_lib.imports import PACKAGE, closure, data_files, saved_results
 
 _OUTPUT, _MANIFEST, _TABLES = "notebook.ipynb", "manifest.json", "results"

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from thesis_lib.book.architectures import NETWORKS
-from thesis_lib.book.style import COLOURS, PRINTED
+from thesis_lib.edition.plots import COLOURS, PRINTED
 from thesis_lib.experiments.sweep import DEFAULT, parse_variant, summary
 from thesis_lib.experiments.training import TrainConfig, step_size, table_5_1
 from thesis_lib.locomotion.robots import ROBOTS

@@ -8,7 +8,7 @@ from typing import Any
 
 import nbformat
 
-from thesis_lib.book.notebook import assigned_names
+from thesis_lib.edition.page import assigned_names
 
 PARAMETERS_TAG = "parameters"
 

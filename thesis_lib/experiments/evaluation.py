@@ -16,7 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from PIL import Image
 
-from thesis_lib.experiments.base import check_seed, environment, replacing, writable_directory
+from thesis_lib.edition.experiment import check_seed, environment, replacing, writable_directory
 from thesis_lib.experiments.training import TERRAINS, Training
 from thesis_lib.locomotion import BatchTask, make_task, perturbations
 from thesis_lib.locomotion.batch import Perturbation

@@ -26,7 +26,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from thesis_lib.experiments.base import environment, replacing, writable_directory
+from thesis_lib.edition.experiment import environment, replacing, writable_directory
 from thesis_lib.experiments.trained import write_policies
 from thesis_lib.experiments.training import (
     CURVE_COLUMNS,

@@ -33,7 +33,7 @@ import torch
 from threadpoolctl import threadpool_limits
 
 from thesis_lib.checkout import repository_root
-from thesis_lib.experiments.base import (
+from thesis_lib.edition.experiment import (
     check_seed,
     environment,
     replacing,

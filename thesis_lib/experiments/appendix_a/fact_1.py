@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.domains.appendix_a import figure_a1, policy, state_values
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import pandas as pd
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.domains.appendix_a import SecondTask, Weighting, figure_a2, policy, state_values
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.mdp.model import TabularMDP
 
 

@@ -11,7 +11,7 @@ import pandas as pd
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.domains.appendix_a import figure_a3, policy, state_values
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.potentials.cross_task_policy import CrossTaskProblem
 
 STATES = 4

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from thesis_lib.experiments.base import Experiment
+from thesis_lib.edition.experiment import Experiment
 from thesis_lib.experiments.chapter2.cliff_learning import (
     SECTION_2_3_3,
     SECTION_2_3_3_CONVERGENCE,

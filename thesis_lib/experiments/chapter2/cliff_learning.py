@@ -15,7 +15,7 @@ import pandas as pd
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.domains.cliff import CliffLayout, cliff_task, layouts, members
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.mdp.greedy import epsilon_greedy
 from thesis_lib.mdp.learning import Learned, learn
 from thesis_lib.mdp.model import TabularMDP

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.domains.cliff import cliff_task, layouts
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.mdp.model import TabularMDP
 from thesis_lib.mdp.planning import policy_iteration, solve, value_iteration
 

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.arrays import FloatArray, IntArray
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 
 TRANSITION = np.array([[[0.8, 0.2], [0.1, 0.9]], [[0.3, 0.7], [0.6, 0.4]]])
 REWARD = np.array([[1.0, 0.0], [0.0, 2.0]])

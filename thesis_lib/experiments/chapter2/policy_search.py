@@ -17,7 +17,7 @@ import pandas as pd
 import torch
 from numpy.typing import NDArray
 
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.optimisation import (
     PPO,
     TRPO,

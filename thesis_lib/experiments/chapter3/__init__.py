@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from thesis_lib.experiments.base import Experiment
+from thesis_lib.edition.experiment import Experiment
 from thesis_lib.experiments.chapter3.beyond import ALPHA, LEARNERS, SCALING, TWO_VALUES
 from thesis_lib.experiments.chapter3.continuing_cliff import (
     FIGURE_3_1,

@@ -11,7 +11,7 @@ import pandas as pd
 from thesis_lib import potentials
 from thesis_lib.arrays import FloatArray
 from thesis_lib.domains import Domain
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.experiments.chapter3.common import (
     Learner,
     MuSearch,

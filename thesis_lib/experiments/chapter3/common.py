@@ -11,7 +11,7 @@ import numpy as np
 from thesis_lib import potentials
 from thesis_lib.arrays import FloatArray
 from thesis_lib.domains import Domain
-from thesis_lib.experiments.base import Context
+from thesis_lib.edition.experiment import Context
 from thesis_lib.mdp.learning import Method, learn
 from thesis_lib.potentials import Weighting
 from thesis_lib.potentials.cross_task_policy import CrossTaskProblem, GeneticAlgorithm, climb

@@ -13,7 +13,7 @@ import pandas as pd
 from thesis_lib import potentials
 from thesis_lib.arrays import FloatArray
 from thesis_lib.domains import Domain
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.experiments.chapter3.common import Learner, MuSearch, total_rewards
 from thesis_lib.experiments.chapter3.settings import SETTINGS
 from thesis_lib.mdp.greedy import epsilon_greedy, greedy_actions

@@ -9,7 +9,7 @@ from typing import Literal
 import pandas as pd
 
 from thesis_lib.domains import Domain, stock, triangle
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.experiments.chapter3.common import (
     POTENTIALS,
     Learner,

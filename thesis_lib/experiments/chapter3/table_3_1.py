@@ -12,7 +12,7 @@ from scipy import stats
 from thesis_lib import published
 from thesis_lib.arrays import FloatArray
 from thesis_lib.domains import Domain, episodic_cliff
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.experiments.chapter3.common import MuSearch, Potential, named_potentials
 from thesis_lib.mdp.greedy import Exploration
 from thesis_lib.mdp.learning import Method, learn

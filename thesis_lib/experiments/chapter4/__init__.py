@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from thesis_lib.experiments.base import Experiment
+from thesis_lib.edition.experiment import Experiment
 from thesis_lib.experiments.chapter4.calibration import CALIBRATION, ROC
 from thesis_lib.experiments.chapter4.cost import COST, SCALE
 from thesis_lib.experiments.chapter4.curves import FIGURE_4_1, FIGURE_4_2

@@ -10,7 +10,7 @@ import pandas as pd
 from scipy.stats import binomtest
 
 from thesis_lib.domains import Domain, continuing_cliff, stock, triangle
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.experiments.chapter4.curves import exact_solutions
 from thesis_lib.experiments.chapter4.families import planted_solutions, random_domain, torus
 from thesis_lib.experiments.chapter4.selection_figures import POSITION

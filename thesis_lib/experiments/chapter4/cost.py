@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.arrays import FloatArray
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.relevance import Estimate, Solutions, ground
 from thesis_lib.relevance.estimators import compare
 from thesis_lib.selection import FSTEK, JackknifeF, bkr

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.domains import Domain, stock, triangle
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.mdp import planning
 from thesis_lib.relevance import (
     Solutions,

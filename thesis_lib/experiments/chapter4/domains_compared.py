@@ -12,7 +12,7 @@ import pandas as pd
 
 from thesis_lib.domains import Domain, continuing_cliff, episodic_cliff, stock, triangle
 from thesis_lib.domains.stock import RewardTiming
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.experiments.chapter4.curves import exact_solutions
 from thesis_lib.relevance import domain_relevance, k_relevance, remove
 

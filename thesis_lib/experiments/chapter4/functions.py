@@ -14,7 +14,7 @@ import pandas as pd
 
 from thesis_lib.arrays import BoolArray, FloatArray
 from thesis_lib.domains import Domain, stock
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.experiments.chapter3.common import Learner
 from thesis_lib.experiments.chapter3.settings import SETTINGS
 from thesis_lib.experiments.chapter4.curves import exact_solutions

@@ -13,7 +13,7 @@ import pandas as pd
 from thesis_lib.arrays import BoolArray, FloatArray, IntArray
 from thesis_lib.domains.heat import HeatTask
 from thesis_lib.domains.heat_learning import HeatLearned
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.experiments.chapter4.heat_worlds import HeatLearner, HeatSpace
 from thesis_lib.experiments.chapter4.protocol import (
     COLUMNS,

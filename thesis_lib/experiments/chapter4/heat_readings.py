@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.experiments.chapter4.heat import HeatConfig, measure_heat
 from thesis_lib.experiments.chapter4.heat_worlds import HeatLearner, HeatSpace
 from thesis_lib.experiments.chapter4.protocol import Protocol

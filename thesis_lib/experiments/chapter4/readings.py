@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.domains import triangle
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.experiments.chapter4.curves import exact_solutions
 from thesis_lib.selection import FSTEK, IBKR, ExactRelevance, Selector, rates, triangle_alpha
 

@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import pandas as pd
 
 from thesis_lib.domains import continuing_cliff, episodic_cliff, stock, triangle
-from thesis_lib.experiments.base import Context, Experiment
+from thesis_lib.edition.experiment import Context, Experiment
 from thesis_lib.experiments.chapter3.common import Learner
 from thesis_lib.experiments.chapter3.settings import SETTINGS
 from thesis_lib.experiments.chapter4.protocol import COLUMNS, Flat, Level, Protocol, measure

@@ -12,7 +12,7 @@ import pandas as pd
 
 from thesis_lib.arrays import FloatArray, IntArray
 from thesis_lib.domains import stock, triangle
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.experiments.chapter4.curves import exact_solutions
 from thesis_lib.experiments.chapter4.families import KINDS, Kind, random_solutions
 from thesis_lib.relevance import (

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.experiments.chapter4.families import random_solutions
 from thesis_lib.relevance import estimate, remove
 from thesis_lib.selection import FSTEK, f_threshold, fit_inverse, fstek_threshold

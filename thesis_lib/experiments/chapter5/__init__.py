@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from thesis_lib.experiments.base import Experiment
+from thesis_lib.edition.experiment import Experiment
 from thesis_lib.experiments.chapter5.architectures import (
     SECTION_5_2_2_INTEGRATORS,
     SECTION_5_2_5_EIGENVALUES,

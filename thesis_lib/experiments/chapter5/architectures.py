@@ -16,7 +16,7 @@ import torch
 from scipy.integrate import solve_ivp
 
 from thesis_lib.arrays import FloatArray
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.locomotion.tasks import make_task
 from thesis_lib.policies import CTRNN, ESN, GaussianPolicy, make_policy

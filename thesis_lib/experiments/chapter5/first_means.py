@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import torch
 
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.experiments.training import TrainConfig, make_batch_task, make_run_policy
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.optimisation import collect, make_batch

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from thesis_lib.arrays import FloatArray
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.experiments.chapter5.live import LiveConfig, trained
 from thesis_lib.experiments.chapter5.untrained import SMOKE_SEARCH, Search, find_metronome
 from thesis_lib.locomotion.batch import BatchTask

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import pandas as pd
 
-from thesis_lib.experiments.base import Context, Experiment
+from thesis_lib.edition.experiment import Context, Experiment
 from thesis_lib.experiments.training import (
     CURVE_COLUMNS,
     TrainConfig,

@@ -10,7 +10,7 @@ import pandas as pd
 import torch
 
 from thesis_lib.arrays import FloatArray
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.experiments.chapter5.architectures import (
     NETS,
     random_direction,

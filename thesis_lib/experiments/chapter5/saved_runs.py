@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from thesis_lib.experiments.base import Context, Experiment
+from thesis_lib.edition.experiment import Context, Experiment
 from thesis_lib.experiments.saved import saved
 from thesis_lib.experiments.sweep import CURVES_COLUMNS, PAIRED_COLUMNS, compared
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.locomotion.perturbations import occlusion
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.locomotion.tasks import make_task

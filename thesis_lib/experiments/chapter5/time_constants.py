@@ -21,7 +21,7 @@ import torch
 from numpy.typing import NDArray
 
 from thesis_lib.arrays import FloatArray
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.experiments.chapter5.architectures import untrained_net
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.policies import CTRNN, DTRNN, ESN

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.checkout import repository_root
-from thesis_lib.experiments.base import Context, Experiment
+from thesis_lib.edition.experiment import Context, Experiment
 from thesis_lib.experiments.chapter5.architectures import GainConfig, gains_of, random_direction
 from thesis_lib.experiments.trained import TrainedPolicies
 from thesis_lib.experiments.training import Training, make_run_policy

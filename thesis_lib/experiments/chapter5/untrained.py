@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.arrays import FloatArray
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.locomotion.batch import BatchTask, Perturbation
 from thesis_lib.locomotion.perturbations import TerrainSwitch, WhiteNoise
 from thesis_lib.locomotion.robots import ROBOTS

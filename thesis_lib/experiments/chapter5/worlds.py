@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from scipy.ndimage import maximum_filter
 
-from thesis_lib.experiments.base import Context, Experiment, rows
+from thesis_lib.edition.experiment import Context, Experiment, rows
 from thesis_lib.locomotion.batch import BatchTask
 from thesis_lib.locomotion.robots import ROBOTS, Ground, build_model, total_mass
 from thesis_lib.locomotion.tasks import HORIZON, Limits, make_task

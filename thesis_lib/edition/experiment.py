@@ -1,7 +1,8 @@
 """What an experiment is, and how its table and provenance reach the disk.
 
-An experiment is a function from a frozen config dataclass to a tidy table, one row an
-observation.  Its budgets stand here in one place beside the config they fill.
+An experiment is a function from a frozen config dataclass to rows, one an observation.  A row
+is a dataclass too: its fields are the table's columns, and the words under them document them.
+:func:`experiment` takes everything else from the function it decorates.
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, get_args, get_type_hints
 
+import docstring_parser
 import numpy as np
 import pandas as pd
 from tqdm import tqdm
@@ -138,7 +140,7 @@ class Experiment(Generic[ConfigT]):
     Attributes
     ----------
     id
-        The thesis's own name, such as ``table-3.1``.
+        The thesis's own name, such as ``table-3.1``, or ours, such as ``ch3-scaling``.
     item
         For people, such as ``Table 3.1``.
     title
@@ -150,7 +152,9 @@ class Experiment(Generic[ConfigT]):
     columns
         Meaning and unit of each column of the table.
     seconds
-        About how long each budget takes on one core, in seconds, after compilation.
+        How long the book budget took on one core, in seconds.
+    was
+        What the experiment was called before, if it had another id.
     """
 
     id: str
@@ -159,15 +163,17 @@ class Experiment(Generic[ConfigT]):
     function: Callable[[ConfigT, Context], pd.DataFrame]
     budgets: Mapping[str, ConfigT]
     columns: Mapping[str, str]
-    seconds: Mapping[str, float]
+    seconds: float | Mapping[str, float]
+    was: str = ""
 
     def __post_init__(self) -> None:
-        for name, given in (("budgets", self.budgets), ("seconds", self.seconds)):
-            if set(given) != set(BUDGETS):
-                raise ValueError(
-                    f"experiment {self.id!r} has {name} for {sorted(given)}, but needs exactly "
-                    f"{', '.join(BUDGETS)}."
-                )
+        if set(self.budgets) != set(BUDGETS):
+            raise ValueError(
+                f"experiment {self.id!r} has budgets for {sorted(self.budgets)}, but needs exactly "
+                f"{', '.join(BUDGETS)}."
+            )
+        if isinstance(self.seconds, Mapping):  # as chapters of the old form write it
+            object.__setattr__(self, "seconds", self.seconds["book"])
 
     def config(self, budget: str) -> ConfigT:
         """The config at a budget; ValueError names the budgets when it does not exist."""
@@ -227,6 +233,71 @@ class Experiment(Generic[ConfigT]):
             **made_with,
         }
         return Result(self, table, provenance)
+
+
+def experiment(
+    identifier: str,
+    *,
+    item: str,
+    smoke: ConfigT,
+    book: ConfigT,
+    thesis: ConfigT | None = None,
+    seconds: float,
+    was: str = "",
+) -> Callable[[Callable[[ConfigT, Context], Sequence[Any]]], Experiment[ConfigT]]:
+    """Make an experiment of a function from a config and a context to rows.
+
+    The function's first line is the title; the dataclass in its return annotation, such as
+    ``list[Entry]``, gives the columns.
+
+    Parameters
+    ----------
+    identifier, item, seconds, was
+        See :class:`Experiment`.
+    smoke, book, thesis
+        The config at each budget; without ``thesis`` the thesis ran what the book does.
+    """
+
+    def make(function: Callable[[ConfigT, Context], Sequence[Any]]) -> Experiment[ConfigT]:
+        (row,) = get_args(get_type_hints(function)["return"])
+
+        def table(config: ConfigT, context: Context) -> pd.DataFrame:
+            return table_of(row, function(config, context))
+
+        return Experiment(
+            id=identifier,
+            item=item,
+            title=(function.__doc__ or "").partition("\n")[0],
+            function=table,
+            budgets={"smoke": smoke, "book": book, "thesis": book if thesis is None else thesis},
+            columns=columns_of(row),
+            seconds=seconds,
+            was=was,
+        )
+
+    return make
+
+
+def columns_of(row: type) -> dict[str, str]:
+    """Meaning of each field of a row, from the words under it in the dataclass.
+
+    Raises
+    ------
+    ValueError
+        If a field has none.
+    """
+    told = {p.arg_name: p.description for p in docstring_parser.parse_from_object(row).params}
+    names = [field.name for field in dataclasses.fields(row)]
+    for name in names:
+        if not told.get(name):
+            raise ValueError(f"{row.__name__}.{name} is not documented: say below it what it is.")
+    return {name: " ".join(str(told[name]).split()).rstrip(".") for name in names}
+
+
+def table_of(row: type, records: Sequence[Any]) -> pd.DataFrame:
+    """A tidy table of rows of one dataclass, its fields the columns."""
+    names = [field.name for field in dataclasses.fields(row)]
+    return pd.DataFrame({name: [getattr(record, name) for record in records] for name in names})
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.experiments import base
+from thesis_lib.edition import experiment as base
 
 
 @dataclass(frozen=True)
@@ -93,6 +93,48 @@ def test_columns_must_be_documented():
     )
     with pytest.raises(RuntimeError, match="documents"):
         undocumented.run("smoke")
+
+
+@dataclass(frozen=True)
+class Draw:
+    """One draw."""
+
+    run: int
+    """Its number."""
+    value: float
+    """A normal number,
+    of mean 0."""
+
+
+def test_a_function_from_config_to_rows_is_an_experiment():
+    @base.experiment("toy", item="Toy", smoke=Config(1), book=Config(4), seconds=2, was="old")
+    def draws(config: Config, context: base.Context) -> list[Draw]:
+        """Noise, again.
+
+        More words.
+        """
+        return [Draw(i, 0.5) for i in range(config.n)]
+
+    assert draws.title == "Noise, again."
+    assert draws.columns == {"run": "Its number", "value": "A normal number, of mean 0"}
+    assert draws.config("thesis") == Config(4)
+    assert draws.was == "old"
+    table = draws.run("book").table
+    expected = pd.DataFrame({"run": range(4), "value": 0.5})
+    pd.testing.assert_frame_equal(table, expected)
+
+
+def test_without_rows_the_columns_are_there():
+    assert list(base.table_of(Draw, []).columns) == ["run", "value"]
+
+
+def test_a_field_without_words_is_named():
+    @dataclass(frozen=True)
+    class Bare:
+        value: float
+
+    with pytest.raises(ValueError, match=r"Bare\.value is not documented"):
+        base.columns_of(Bare)
 
 
 def test_unknown_budget_names_the_allowed_ones():

@@ -1,0 +1,190 @@
+"""The ledger."""
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import pandas as pd
+import pytest
+
+from thesis_lib.edition import chapters, ledger, scoreboard
+from thesis_lib.edition import experiment as base
+from thesis_lib.edition.ledger import Claim, Difference, Finding, Verdict, criterion, effect_of
+
+
+def positive(tables: ledger.Tables) -> Finding:
+    mean = tables["toy"].value.mean()
+    good = mean > 0
+    return Finding(Verdict.REPRODUCED if good else Verdict.NOT_REPRODUCED, f"mean {mean:.1f}")
+
+
+@dataclass(frozen=True)
+class Config:
+    value: tuple[float, ...] = ()
+
+
+CLAIM = Claim("0.1-toy", "3.4.1", "The mean is positive.", ("toy",), "mean > 0", positive, True)
+
+
+TOY = base.Experiment(
+    id="toy",
+    item="Toy",
+    title="",
+    function=lambda config, context: pd.DataFrame({"value": config.value}),
+    budgets=dict.fromkeys(base.BUDGETS, Config()),
+    columns={"value": ""},
+    seconds=0.0,
+)
+
+
+@criterion("0.1-toy", TOY)
+def JUDGED(table):  # noqa: N802
+    return positive({"toy": table})
+
+
+def saved(directory, values, budget="book"):
+    budgets = dict.fromkeys(base.BUDGETS, Config(tuple(values)))
+    replace(TOY, budgets=budgets).run(budget).save(directory)
+
+
+def test_verdict_comes_from_the_table(tmp_path):
+    saved(tmp_path, [1.0, 2.0])
+    assert ledger.judge(CLAIM, tmp_path).finding == Finding(Verdict.REPRODUCED, "mean 1.5")
+    saved(tmp_path, [-1.0, -2.0])
+    assert ledger.judge(CLAIM, tmp_path).finding.verdict is Verdict.NOT_REPRODUCED
+
+
+def test_a_claim_without_its_table_is_an_error(tmp_path, monkeypatch):
+    with pytest.raises(FileNotFoundError, match="thesis run toy"):
+        ledger.judge(CLAIM, tmp_path)
+    monkeypatch.setattr(scoreboard, "claims", lambda: (CLAIM,))
+    with pytest.raises(FileNotFoundError, match="thesis run toy"):
+        scoreboard.scoreboard(tmp_path)
+    assert "**Verdict: not run.**" in scoreboard.scoreboard_markdown(tmp_path, draft=True)
+
+
+def test_smoke_evidence_is_inconclusive(tmp_path):
+    saved(tmp_path, [1.0], budget="smoke")
+    assert ledger.judge(CLAIM, tmp_path).finding.verdict is Verdict.INCONCLUSIVE
+
+
+def test_pages_tell_every_claim_and_difference(tmp_path, monkeypatch):
+    saved(tmp_path, [1.0, 2.0])
+    row = Difference(
+        *("0.1-row", "3.4.1", "Topic", "says", "do", "`x`"),
+        effect=lambda tables: f"mean {tables['toy'].value.mean():.1f}",
+        experiments=("toy",),
+    )
+    monkeypatch.setattr(scoreboard, "claims", lambda: (CLAIM,))
+    monkeypatch.setattr(scoreboard, "differences", lambda: (row,))
+    page = scoreboard.scoreboard_markdown(tmp_path)
+    assert "**Verdict: reproduced.** mean 1.5" in page
+    assert "## Chapter 3" in page
+    assert "mean 1.5" in scoreboard.differences_markdown(tmp_path)
+    assert "Of 1 claims examined so far: 1 reproduced" in scoreboard.findings_markdown(tmp_path)
+    assert scoreboard.scoreboard(tmp_path).loc[0, "verdict"] == "reproduced"
+
+
+def test_every_claim_of_the_ledger_is_whole():
+    known = chapters.experiments()
+    for claim in chapters.claims():
+        assert claim.statement.endswith("."), claim.id
+        assert claim.criterion.endswith("."), claim.id
+        assert set(claim.experiments) <= set(known), claim.id
+    for row in chapters.differences():
+        assert set(row.experiments) <= set(known), row.id
+        assert all((row.thesis, row.ours, row.option)), row.id
+
+
+def test_ids_are_unique(monkeypatch):
+    monkeypatch.setattr(chapters, "CHAPTERS", ("one", "two"))
+    monkeypatch.setattr(chapters, "chapter", lambda name: ledger.Chapter((), (CLAIM,), ()))
+    with pytest.raises(RuntimeError, match="twice"):
+        chapters.claims()
+
+
+def test_an_old_id_finds_the_experiment_and_names_the_new_one(monkeypatch):
+    toy = replace(TOY, id="ch0-toy", was="section-0-toy")
+    monkeypatch.setattr(chapters, "experiments", lambda: {"ch0-toy": toy})
+    with pytest.warns(UserWarning, match="'section-0-toy' is called 'ch0-toy' now"):
+        assert chapters.find("section-0-toy") is toy
+    assert chapters.find("ch0-toy") is toy
+    with pytest.raises(ValueError, match="did you mean ch0-toy"):
+        chapters.find("ch0-tay")
+
+
+class TestReadChapter:
+    """Words in ``claims.toml``, functions beside the experiments."""
+
+    WORDS = """
+        [[claim]]
+        id = "0.1-toy"
+        section = "3.4.1"
+        statement = "The mean is positive."
+        criterion = "Mean above 0."
+        kind = "identity"
+
+        [[claim]]
+        id = "0.2-lost"
+        section = "3.4.1"
+        statement = "The figure shows it."
+        not_testable = "The figure is lost."
+
+        [[difference]]
+        id = "0.1-row"
+        section = "3.4.1"
+        topic = "Topic"
+        thesis = "says"
+        ours = "do"
+        option = "`x`"
+        claim = "0.1-toy"
+    """
+
+    @staticmethod
+    def chapter(tmp_path, words=WORDS, **members):
+        (tmp_path / "claims.toml").write_text(words)
+        module = SimpleNamespace(**{"toy": TOY, "judged": JUDGED, **members})
+        package = SimpleNamespace(__file__=str(tmp_path / "__init__.py"), RESULTS=(module,))
+        return ledger.read_chapter(package)
+
+    def test_words_and_functions_meet(self, tmp_path):
+        chapter = self.chapter(tmp_path)
+        assert chapter.experiments == (TOY,)
+        mean, lost = chapter.claims
+        assert mean.experiments == ("toy",)
+        assert mean.kind == "identity"
+        tables = {"toy": pd.DataFrame({"value": [1.0, 2.0]})}
+        assert mean.judge(tables) == Finding(Verdict.REPRODUCED, "mean 1.5")
+        assert lost.judge({}) == Finding(Verdict.NOT_TESTABLE, "The figure is lost.")
+        assert chapter.differences[0].effect(tables) == "mean 1.5"
+
+    def test_a_criterion_can_be_asked_of_any_table(self):
+        assert JUDGED(pd.DataFrame({"value": [-1.0]})).verdict is Verdict.NOT_REPRODUCED
+
+    @pytest.mark.parametrize(
+        ("words", "members", "message"),
+        [
+            (WORDS, {"judged": None}, "'0.1-toy' must have exactly one"),
+            (WORDS, {"again": criterion("0.1-toy", TOY)(JUDGED)}, "'0.1-toy' has two functions"),
+            (WORDS, {"more": criterion("0.9", TOY)(JUDGED)}, "claims.toml has no claim '0.9'"),
+            (WORDS, {"lost": criterion("0.2-lost", TOY)(JUDGED)}, "'0.2-lost' must have exactly"),
+            (WORDS, {"told": effect_of("0.1-row", TOY)(str)}, "'0.1-row' must have exactly one"),
+        ],
+    )
+    def test_every_row_has_exactly_one_function(self, tmp_path, words, members, message):
+        with pytest.raises(RuntimeError, match=message):
+            self.chapter(tmp_path, words, **members)
+
+
+@pytest.mark.parametrize(
+    ("section", "chapter"),
+    [
+        ("3.4.1", "Chapter 3"),
+        ("Table 3.1", "Chapter 3"),
+        ("Figure 4.3", "Chapter 4"),
+        ("Appendix A", "Appendix A"),
+        ("Appendix A, fact 1", "Appendix A"),
+        ("Figure A.3", "Appendix A"),
+    ],
+)
+def test_chapter_of_a_section(section, chapter):
+    assert scoreboard._chapter_of(section) == chapter

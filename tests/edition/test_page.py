@@ -1,0 +1,193 @@
+"""What notebooks call."""
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import nbformat
+import numpy as np
+import pandas as pd
+import papermill
+import pytest
+from nbformat.v4 import new_code_cell, new_notebook
+
+from thesis_lib.edition import page as nb
+from thesis_lib.edition.experiment import Experiment
+from thesis_lib.edition.ledger import Claim, Finding, Tables, Verdict
+
+GOOD = {"budget": "smoke", "seed": 0, "workers": 1}
+CELL = "budget: str = 'book'\nseed: int = 0\nworkers: int = 2"
+
+
+@pytest.fixture(autouse=True)
+def shown(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """What the helpers display."""
+    found: list[Any] = []
+    monkeypatch.setattr(nb, "display", found.append)
+    with mpl.rc_context():
+        yield found
+
+
+def test_start_returns_the_parameters_and_warns_at_smoke(shown: list[Any]) -> None:
+    page = nb.start(GOOD)
+    assert (page.budget, page.seed, page.workers) == ("smoke", 0, 1)
+    forms = shown[0]._repr_mimebundle_()
+    assert "shapes, not values" in forms["text/markdown"]
+    assert "shapes, not values" in forms["text/html"]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"budget": "fast"}, "'fast'.*smoke, book, thesis"),
+        ({"seed": -1}, "-1"),
+        ({"seed": 1.5}, "1.5"),
+        ({"workers": 0}, "0.*at least 1"),
+        ({"workers": True}, "True.*at least 1"),
+    ],
+)
+def test_values_that_do_not_exist_stop_at_once(wrong: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        nb.start(GOOD | wrong)
+
+
+def test_forgotten_parameters_cell_is_named() -> None:
+    with pytest.raises(ValueError, match="did not set seed, workers"):
+        nb.start({"budget": "smoke"})
+
+
+@pytest.mark.parametrize("injected", ["# Parameters\nbuget = 'smoke'", "# Parameters\nn_runs = 3"])
+def test_unknown_names_that_papermill_injects_stop_at_once(injected: str) -> None:
+    name = injected.split()[2]
+    with pytest.raises(ValueError, match=f"{name}.*takes budget, seed, workers"):
+        nb.start(GOOD | {"In": ["", CELL, injected]})
+
+
+def test_known_injected_names_pass() -> None:
+    nb.start(GOOD | {"In": ["", CELL + "\nn_runs = 1", "# Parameters\nn_runs = 3"]})
+
+
+def test_unknown_parameter_stops_papermill(tmp_path: Path) -> None:
+    source, out = tmp_path / "in.ipynb", tmp_path / "out.ipynb"
+    start = "from thesis_lib.edition.page import start\nstart(globals())"
+    cells = [
+        new_code_cell(CELL, metadata={"tags": ["parameters"]}),
+        new_code_cell(start),
+        new_code_cell("print('went on')"),
+    ]
+    spec = {"name": "python3", "display_name": "Python 3", "language": "python"}
+    nbformat.write(new_notebook(cells=cells, metadata={"kernelspec": spec}), source)
+    with pytest.raises(papermill.PapermillExecutionError, match="unknown parameter 'buget'"):
+        papermill.execute_notebook(source, out, {"buget": "smoke"}, progress_bar=False)
+    assert not nbformat.read(out, as_version=4).cells[-1].outputs
+
+
+def test_style_is_opaque() -> None:
+    nb.start(GOOD)
+    assert mpl.rcParams["figure.facecolor"] == "white"
+    assert mpl.rcParams["savefig.facecolor"] == "white"
+
+
+def test_table(shown: list[Any]) -> None:
+    frame = pd.DataFrame(
+        {
+            "potential": ["none", "a|b"],
+            "mean": [-4.114, np.nan],
+            "n": [100, 3],
+            "sensor": [True, False],
+        }
+    )
+    nb.table(frame, name="tbl-x", caption="Returns, $R$.", decimals={"mean": 1})
+    forms = shown[0]._repr_mimebundle_()
+    assert forms["text/markdown"].splitlines() == [
+        "::::{table} Returns, $R$.",
+        ":name: tbl-x",
+        "",
+        "| potential | mean | n | sensor |",
+        "| :--- | ---: | ---: | :--- |",
+        "| none | −4.1 | 100 | yes |",
+        "| a\\|b | – | 3 | no |",
+        "::::",
+    ]
+    assert "<caption>Returns, $R$.</caption>" in forms["text/html"]
+    assert "−4.1" in forms["text/html"]
+
+
+def test_table_can_show_its_index(shown: list[Any]) -> None:
+    nb.table(pd.DataFrame({"x": [1]}, index=pd.Index(["a"], name="row")), name="t", caption="c",
+             index=True)  # fmt: skip
+    assert "| row | x |" in shown[0]._repr_mimebundle_()["text/markdown"]
+
+
+class TestRun:
+    @pytest.fixture
+    def experiment(self) -> Experiment[Any]:
+        return Experiment(
+            id="table-0",
+            item="Table 0",
+            title="Nothing.",
+            function=lambda config, context: pd.DataFrame({"x": [context.seed]}),
+            budgets=dict.fromkeys(("smoke", "book", "thesis"), nb.Page("smoke")),
+            columns={"x": "the seed"},
+            seconds=dict.fromkeys(("smoke", "book", "thesis"), 0.0),
+        )
+
+    def test_in_a_build_the_table_is_stored(
+        self, experiment: Experiment[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setenv(nb.RESULTS_VARIABLE, str(tmp_path))
+        page = nb.Page("smoke", seed=7)
+        assert page.run(experiment).x.tolist() == [7]
+        assert {f.name for f in tmp_path.iterdir()} == {"table-0.csv", "table-0.json"}
+
+    def test_another_config_is_not_stored(
+        self, experiment: Experiment[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setenv(nb.RESULTS_VARIABLE, str(tmp_path))
+        nb.Page("smoke").run(experiment, config=nb.Page("book"))
+        assert list(tmp_path.iterdir()) == []
+
+    def test_outside_a_build_nothing_is_stored(
+        self, experiment: Experiment[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.delenv(nb.RESULTS_VARIABLE, raising=False)
+        monkeypatch.chdir(tmp_path)
+        nb.Page("smoke").run(experiment)
+        assert list(tmp_path.iterdir()) == []
+
+
+class TestVerdicts:
+    @pytest.fixture
+    def page(self) -> nb.Page:
+        def judge(tables: Tables) -> Finding:
+            good = tables["table-0"].x.mean() > 0
+            return Finding(Verdict.REPRODUCED if good else Verdict.REFUTED, "By its mean.")
+
+        claims = [
+            Claim("0.1-mean", "0.1", "The mean is positive.", ("table-0",), "It is.", judge),
+            Claim("0.2-other", "0.2", "Another.", ("table-1",), "It is.", judge),
+        ]
+        return nb.Page("book", claims={c.id: c for c in claims})
+
+    def test_they_come_from_the_tables_of_the_page(self, page: nb.Page) -> None:
+        page.tables["table-0"] = pd.DataFrame({"x": [1.0, 2.0]})
+        assert page.verdict("0.1-mean") == "reproduced"
+        assert page.evidence("0.1-mean") == "By its mean."
+        assert page.verdicts("0.1").verdict.tolist() == ["reproduced"]
+        page.tables["table-0"] = pd.DataFrame({"x": [-1.0]})
+        assert page.verdict("0.1-mean") == "refuted"
+
+    def test_a_claim_whose_experiment_has_not_run_is_an_error(self, page: nb.Page) -> None:
+        with pytest.raises(ValueError, match="rests on table-0: run it above first"):
+            page.verdict("0.1-mean")
+        page.tables["table-0"] = pd.DataFrame({"x": [1.0]})
+        with pytest.raises(ValueError, match="-other' rests on table-1"):
+            page.verdicts()
+
+    def test_an_unknown_claim_is_named(self, page: nb.Page) -> None:
+        with pytest.raises(ValueError, match=r"no claim '9.9'; see its claims\.toml"):
+            page.verdict("9.9")
+
+    def test_at_smoke_nothing_is_told(self, page: nb.Page) -> None:
+        smoke = nb.Page("smoke", claims=page.claims, tables={"table-0": pd.DataFrame({"x": [1.0]})})
+        assert smoke.verdict("0.1-mean") == "inconclusive at this budget"

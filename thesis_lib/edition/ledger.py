@@ -1,0 +1,358 @@
+"""The ledger: claim, evidence, criterion, verdict.
+
+A claim paraphrases a statement of the thesis; its words stand in its chapter's ``claims.toml``.
+Its criterion, fixed before looking, is a function of the tables that are its evidence, beside
+the experiment that makes them, so that it can be asked of the tables of any seed.  The verdict
+is computed and never typed.  The pages *Scoreboard* and *Differences from the thesis* are
+written from here.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Literal
+
+import pandas as pd
+
+from thesis_lib.edition.experiment import Experiment, load
+
+Tables = Mapping[str, pd.DataFrame]
+"""Tables of experiments by id."""
+
+
+class Verdict(StrEnum):
+    """What the evidence says of a claim."""
+
+    REPRODUCED = "reproduced"
+    DIRECTION = "direction only"
+    NOT_REPRODUCED = "not reproduced"
+    REFUTED = "refuted"
+    NOT_TESTABLE = "not testable"
+    INCONCLUSIVE = "inconclusive at this budget"
+    NOT_RUN = "not run"
+
+
+MEANING = {
+    Verdict.REPRODUCED: "the criterion holds",
+    Verdict.DIRECTION: "the sign or order agrees, the size or significance does not",
+    Verdict.NOT_REPRODUCED: "our runs do not show it",
+    Verdict.REFUTED: "a proof, an exact computation or a significant result says the opposite",
+    Verdict.NOT_TESTABLE: "the text does not say enough to test it",
+    Verdict.INCONCLUSIVE: "too few runs at this budget to tell",
+    Verdict.NOT_RUN: "the evidence has not been computed yet",
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A verdict with the computed sentences that support it.
+
+    Attributes
+    ----------
+    verdict
+        What the tables say.
+    evidence
+        Sentences made of the same numbers.
+    numbers
+        The numbers that decided, by name.
+    """
+
+    verdict: Verdict
+    evidence: str
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+
+NO_MEANING = Finding(
+    Verdict.INCONCLUSIVE,
+    "The evidence was made at the smoke budget, whose values carry no meaning.",
+)
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement of the thesis and how it is judged.
+
+    Attributes
+    ----------
+    id
+        Short and stable, such as ``3.4.1-sarsa-beats-q``.
+    section
+        Where the thesis says it, such as ``3.4.1`` or ``Table 3.1``.
+    statement
+        A short paraphrase.
+    experiments
+        Ids of the experiments whose tables are the evidence.
+    criterion
+        What must hold, in words; fixed before looking.
+    judge
+        Computes the finding from the tables, by experiment id.
+    headline
+        Whether the landing page tells it.
+    kind
+        ``evidence``, or ``identity``: a proof or arithmetic, which no experiment can deny and
+        which is not counted as evidence.
+    ours
+        Whether the thesis only implies it, and the words are ours.
+    at
+        Label of the section of our book where it is tested.
+    figure
+        Label of the figure or table there that shows it.
+    """
+
+    id: str
+    section: str
+    statement: str
+    experiments: tuple[str, ...]
+    criterion: str
+    judge: Callable[[Tables], Finding]
+    headline: bool = False
+    kind: Literal["evidence", "identity"] = "evidence"
+    ours: bool = False
+    at: str = ""
+    figure: str = ""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A point where the text is silent, ambiguous or at odds with what fits its numbers.
+
+    Attributes
+    ----------
+    id, section, at
+        As for a claim.
+    topic
+        A few words.
+    thesis
+        What the text says.
+    ours
+        What we do.
+    option
+        The named option that chooses, as code.
+    effect
+        A sentence, or a function of tables that writes one, on what the choice changes.
+    experiments
+        The tables ``effect`` needs.
+    """
+
+    id: str
+    section: str
+    topic: str
+    thesis: str
+    ours: str
+    option: str
+    effect: str | Callable[[Tables], str]
+    experiments: tuple[str, ...] = ()
+    at: str = ""
+
+
+@dataclass(frozen=True)
+class _OfTables:
+    """A function of the tables of some experiments, about one row of the ledger.
+
+    Called, it takes the tables in order; :meth:`of` finds them by experiment id.
+    """
+
+    subject: str
+    experiments: tuple[Experiment[Any], ...]
+    function: Callable[..., Any]
+
+    def __call__(self, *tables: pd.DataFrame) -> Any:
+        return self.function(*tables)
+
+    def of(self, tables: Tables) -> Any:
+        """Its value on tables by experiment id."""
+        return self.function(*(tables[e.id] for e in self.experiments))
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Ids of the experiments."""
+        return tuple(e.id for e in self.experiments)
+
+
+class Criterion(_OfTables):
+    """Judges a claim: its value is a :class:`Finding`."""
+
+
+class Effect(_OfTables):
+    """Tells what a difference from the thesis changes: its value is a sentence."""
+
+
+def criterion(
+    claim: str, *experiments: Experiment[Any]
+) -> Callable[[Callable[..., Finding]], Criterion]:
+    """Make a function of the tables of some experiments the criterion of a claim."""
+    return lambda function: Criterion(claim, experiments, function)
+
+
+def effect_of(
+    difference: str, *experiments: Experiment[Any]
+) -> Callable[[Callable[..., str]], Effect]:
+    """Make a function of the tables of some experiments tell what a difference changes."""
+    return lambda function: Effect(difference, experiments, function)
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """What a chapter of the edition holds, in its order.
+
+    Attributes
+    ----------
+    experiments, claims, differences
+        Of all its results.
+    """
+
+    experiments: tuple[Experiment[Any], ...]
+    claims: tuple[Claim, ...]
+    differences: tuple[Difference, ...]
+
+
+def read_chapter(package: ModuleType) -> Chapter:
+    """Bring a chapter's results and the words in its ``claims.toml`` together.
+
+    Parameters
+    ----------
+    package
+        Such as ``thesis_lib.chapter3``; its ``RESULTS`` are its modules in order.
+
+    Raises
+    ------
+    RuntimeError
+        If a claim has not exactly one of a criterion and a reason why it cannot be tested, or
+        a difference not exactly one effect.
+    """
+    found = [item for module in package.RESULTS for item in vars(module).values()]
+    words = tomllib.loads(Path(str(package.__file__)).with_name("claims.toml").read_text())
+    criteria = _only_one(x for x in found if isinstance(x, Criterion))
+    effects = _only_one(x for x in found if isinstance(x, Effect))
+    claims = tuple(_claim(told, criteria) for told in words.get("claim", ()))
+    known = {claim.id: claim for claim in claims}
+    differences = tuple(_difference(x, effects, known) for x in words.get("difference", ()))
+    for kind, unused in (("claim", criteria), ("difference", effects)):
+        if unused:
+            raise RuntimeError(f"claims.toml has no {kind} {next(iter(unused))!r}.")
+    # A result may rest on another's experiment, which then is a member of both modules.
+    experiments = {x.id: x for x in found if isinstance(x, Experiment)}
+    return Chapter(tuple(experiments.values()), claims, differences)
+
+
+def _only_one(found: Iterable[_OfTables]) -> dict[str, Any]:
+    """What judges or tells each claim or difference, by its id."""
+    by: dict[str, _OfTables] = {}
+    for item in found:
+        if by.setdefault(item.subject, item) is not item:
+            raise RuntimeError(f"{item.subject!r} has two functions, but must have one.")
+    return by
+
+
+def _claim(told: dict[str, Any], criteria: dict[str, Criterion]) -> Claim:
+    """A claim from its words; its criterion is taken out of those given."""
+    reason = told.pop("not_testable", None)
+    own = criteria.pop(told["id"], None)
+    if (own is None) == (reason is None):
+        raise RuntimeError(
+            f"claim {told['id']!r} must have exactly one of a criterion and a `not_testable`."
+        )
+    if own is None:
+        finding = Finding(Verdict.NOT_TESTABLE, str(reason))
+        return Claim(**{"criterion": "None.", **told}, experiments=(), judge=lambda tables: finding)
+    return Claim(**told, experiments=own.needs, judge=own.of)
+
+
+def _difference(
+    told: dict[str, Any], effects: dict[str, Effect], claims: Mapping[str, Claim]
+) -> Difference:
+    """A difference from its words: its effect is told, computed, or the evidence of a claim."""
+    own, claim = effects.pop(told["id"], None), told.pop("claim", None)
+    if (own is not None) + (claim is not None) + ("effect" in told) != 1:
+        raise RuntimeError(
+            f"difference {told['id']!r} must have exactly one of an `effect`, a `claim` whose "
+            "evidence tells it, and a function."
+        )
+    if own is not None:
+        return Difference(**told, effect=own.of, experiments=own.needs)
+    if claim is not None:
+        judge = claims[claim].judge
+        return Difference(
+            **told,
+            effect=lambda tables: judge(tables).evidence,
+            experiments=claims[claim].experiments,
+        )
+    return Difference(**told)
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A claim with its finding and the budget of its evidence."""
+
+    claim: Claim
+    finding: Finding
+    budget: str
+
+
+def judge(claim: Claim, results: Path | str) -> Judgement:
+    """Judge one claim on saved results.
+
+    Parameters
+    ----------
+    claim
+        What to judge.
+    results
+        Directory of tables written by ``thesis run`` or by the book's build.
+
+    Returns
+    -------
+    Judgement
+        ``inconclusive`` when a table was made at the smoke budget, whose values carry no meaning.
+
+    Raises
+    ------
+    FileNotFoundError
+        When a table is missing, with the command that makes it.
+    """
+    tables, budgets = {}, set()
+    for identifier in claim.experiments:
+        tables[identifier], provenance = load(identifier, results)
+        budgets.add(provenance["budget"])
+    budget = ", ".join(sorted(budgets)) or "exact"
+    if "smoke" in budgets:
+        return Judgement(claim, NO_MEANING, budget)
+    return Judgement(claim, claim.judge(tables), budget)
+
+
+def finding(claim: Claim, tables: Tables, budget: str) -> Finding:
+    """Judge a claim on tables made at one budget; at ``smoke`` nothing is told."""
+    return NO_MEANING if budget == "smoke" else claim.judge(tables)
+
+
+def verdicts(
+    ledger: Iterable[Claim], tables: Tables, prefix: str = "", *, budget: str = "book"
+) -> pd.DataFrame:
+    """Judge the claims whose evidence is among the tables given, for a chapter's own page.
+
+    Parameters
+    ----------
+    ledger
+        A chapter's claims.
+    tables
+        Tables by experiment id.
+    prefix
+        Only claims whose id starts so.
+    budget
+        At ``smoke`` nothing is judged: every verdict is ``inconclusive``.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``claim``, ``verdict``, ``evidence``; one row a claim.
+    """
+    ready = [c for c in ledger if c.id.startswith(prefix) and set(c.experiments) <= set(tables)]
+    found = [(c, finding(c, tables, budget)) for c in ready]
+    return pd.DataFrame(
+        [(c.statement, str(f.verdict), f.evidence) for c, f in found],
+        columns=["claim", "verdict", "evidence"],
+    )

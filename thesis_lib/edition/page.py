@@ -1,0 +1,332 @@
+"""What a notebook of the book calls: the opening check, experiments, verdicts, tables.
+
+A notebook's second code cell reads ::
+
+    from thesis_lib.edition.page import start
+
+    page = start(globals(), chapter3)
+
+which stops on an unknown parameter or budget, sets the figure style, keeps numerical libraries
+on one thread and prints which budget the page shows.  Nothing here depends on the working
+directory, so that a notebook runs the same in Jupyter, under papermill and in the book's build.
+"""
+
+from __future__ import annotations
+
+import ast
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from IPython.display import display
+from threadpoolctl import threadpool_limits
+
+from thesis_lib.edition.experiment import Experiment, check_budget, check_seed
+from thesis_lib.edition.ledger import Claim, Finding, finding, read_chapter
+from thesis_lib.edition.plots import use_style
+
+#: First line of the cell in which papermill assigns the parameters it was given.
+_INJECTED = "# Parameters"
+
+#: Environment variable by which the build says where tables go.
+RESULTS_VARIABLE = "THESIS_RESULTS"
+
+_THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+_BANNERS = {
+    "smoke": (
+        "warning",
+        "Reduced budget: shapes, not values",
+        "This page was run at the `smoke` budget, which passes through every line of code in "
+        "seconds. Its curves and tables have the right shape; their values mean nothing.",
+    ),
+    "book": (
+        "note",
+        "Budget: book",
+        "This page was run at the `book` budget.",
+    ),
+    "thesis": (
+        "note",
+        "Budget: thesis",
+        "This page was run at the `thesis` budget: as many runs as the thesis made.",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Page:
+    """What a notebook was asked to do.
+
+    Attributes
+    ----------
+    budget
+        ``smoke``, ``book`` or ``thesis``.
+    seed
+        Root of every random number of the page, a nonnegative integer.
+    workers
+        Number of threads an experiment may use; it never changes a result.
+    claims
+        Of the page's chapter, by id.
+    tables
+        What :meth:`run` has made so far, by experiment id.
+    """
+
+    budget: str
+    seed: int = 0
+    workers: int = 1
+    claims: Mapping[str, Claim] = field(default_factory=dict, repr=False)
+    tables: dict[str, pd.DataFrame] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        check_budget(self.budget)
+        check_seed(self.seed)
+        if isinstance(self.workers, bool) or not isinstance(self.workers, int) or self.workers < 1:
+            raise ValueError(f"workers is {self.workers!r}; give an integer of at least 1.")
+
+    def run(self, experiment: Experiment[Any], config: Any = None) -> pd.DataFrame:
+        """Run an experiment at the page's budget, seed and workers, and return its table.
+
+        In the book's build the table is stored as well, for the ledger, so that the page and
+        the verdicts rest on the same run.
+
+        Parameters
+        ----------
+        experiment
+            Imported from its chapter; the import tells the build on what the page depends.
+        config
+            Replaces the budget's config; such a run is shown and not stored.
+        """
+        result = experiment.run(self.budget, config=config, seed=self.seed, workers=self.workers)
+        # Outside a build nothing is stored: a reader's run with another seed must not become
+        # the evidence of the shipped ledger.
+        if config is None:
+            self.tables[experiment.id] = result.table
+            if directory := os.environ.get(RESULTS_VARIABLE):
+                result.save(directory)
+        return result.table
+
+    def finding(self, claim: str) -> Finding:
+        """Judge a claim of this chapter on the tables of this page.
+
+        Raises
+        ------
+        ValueError
+            If there is no such claim, or an experiment it rests on has not been run above.
+        """
+        if claim not in self.claims:
+            raise ValueError(f"this chapter has no claim {claim!r}; see its claims.toml.")
+        missing = [e for e in self.claims[claim].experiments if e not in self.tables]
+        if missing:
+            raise ValueError(f"claim {claim!r} rests on {', '.join(missing)}: run it above first.")
+        return finding(self.claims[claim], self.tables, self.budget)
+
+    def verdict(self, claim: str) -> str:
+        """The verdict on a claim, for a sentence: ``{eval}`page.verdict("3.3.1-bound")```."""
+        return str(self.finding(claim).verdict)
+
+    def evidence(self, claim: str) -> str:
+        """The evidence for the verdict on a claim, in sentences."""
+        return self.finding(claim).evidence
+
+    def verdicts(self, *prefixes: str) -> pd.DataFrame:
+        """Claims whose ids start so, or all: columns ``claim``, ``verdict``, ``evidence``."""
+        chosen = [c for c in self.claims.values() if c.id.startswith(prefixes or "")]
+        found = [(c.statement, self.finding(c.id)) for c in chosen]
+        return pd.DataFrame(
+            [(statement, str(f.verdict), f.evidence) for statement, f in found],
+            columns=["claim", "verdict", "evidence"],
+        )
+
+
+class _Rendered:
+    """One output in two forms: MyST for the book, HTML for Jupyter and Colab."""
+
+    def __init__(self, myst: str, html: str) -> None:
+        self.myst = myst
+        self.html = html
+
+    def _repr_mimebundle_(self, **_: Any) -> dict[str, str]:
+        return {"text/markdown": self.myst, "text/html": self.html}
+
+    def __repr__(self) -> str:
+        return self.myst
+
+
+def assigned_names(source: str) -> list[str]:
+    """Names assigned at the top level of a cell, in order.
+
+    Parameters
+    ----------
+    source
+        Python source of one code cell.
+
+    Returns
+    -------
+    list of str
+        Targets of plain and annotated assignments; empty if the cell is not plain Python
+        (an IPython magic, for example).
+    """
+    try:
+        tree = ast.parse(source)
+    except SyntaxError:
+        return []
+    names = []
+    for node in tree.body:
+        targets: list[ast.expr] = []
+        if isinstance(node, ast.Assign):
+            targets = list(node.targets)
+        elif isinstance(node, ast.AnnAssign):
+            targets = [node.target]
+        names += [target.id for target in targets if isinstance(target, ast.Name)]
+    return names
+
+
+def check_parameters(given: Iterable[str], allowed: Iterable[str]) -> None:
+    """Refuse parameter names that the notebook does not have.
+
+    Raises
+    ------
+    ValueError
+        If a given name is not among the allowed ones.
+    """
+    allowed = list(allowed)
+    unknown = [name for name in given if name not in allowed]
+    if unknown:
+        raise ValueError(
+            f"unknown parameter {', '.join(map(repr, unknown))}; this notebook takes "
+            f"{', '.join(allowed)}."
+        )
+
+
+def _check_injected(history: Iterable[str]) -> None:
+    """Compare the names papermill injected with those of the cell above them.
+
+    papermill itself only logs a name it does not know, so a typing error would go unseen.
+    """
+    parameters: list[str] = []
+    for source in history:
+        names = assigned_names(source)
+        if source.startswith(_INJECTED):
+            check_parameters(names, parameters)
+        elif "budget" in names:
+            parameters = names
+
+
+def start(namespace: Mapping[str, Any], chapter: ModuleType | None = None) -> Page:
+    """Check the parameters of the running notebook and prepare its session.
+
+    Parameters
+    ----------
+    namespace
+        The notebook's ``globals()``, which holds ``budget``, ``seed`` and ``workers`` from the
+        parameters cell, and IPython's record of the cells run so far.
+    chapter
+        The chapter whose claims the page judges, such as ``thesis_lib.chapter3``.
+
+    Returns
+    -------
+    Page
+        The checked parameters.
+
+    Raises
+    ------
+    ValueError
+        If papermill was given a parameter the notebook does not have, or a value is not allowed.
+    """
+    missing = [name for name in ("budget", "seed", "workers") if name not in namespace]
+    if missing:
+        raise ValueError(
+            f"the parameters cell did not set {', '.join(missing)}; run it before this cell."
+        )
+    _check_injected(namespace.get("In", ()))
+    claims = {} if chapter is None else {c.id: c for c in read_chapter(chapter).claims}
+    page = Page(namespace["budget"], namespace["seed"], namespace["workers"], claims)
+
+    for variable in _THREAD_VARIABLES:  # for libraries and processes that start later
+        os.environ[variable] = "1"
+    threadpool_limits(limits=1)  # for libraries that are loaded already
+    use_style()
+
+    kind, title, text = _BANNERS[page.budget]
+    seeds = f"Seed {page.seed}."
+    display(
+        _Rendered(
+            f":::{{admonition}} {title}\n:class: {kind}\n{text} {seeds}\n:::\n",
+            f"<p><strong>{title}.</strong> {text.replace('`', '')} {seeds}</p>",
+        )
+    )
+    return page
+
+
+def table(
+    data: pd.DataFrame,
+    *,
+    name: str,
+    caption: str,
+    decimals: int | Mapping[str, int] = 2,
+    index: bool = False,
+) -> None:
+    """Show a numbered table that the prose can refer to with ``{numref}`name```.
+
+    Parameters
+    ----------
+    data
+        A short table; column headings and strings may hold Markdown and mathematics.
+    name
+        Label, such as ``tbl-cliff-returns``; unique in the whole book.
+    caption
+        One sentence, which may hold mathematics.
+    decimals
+        Decimals of floating-point columns: one number, or one per column name.
+    index
+        Whether to show the index as the first column.
+    """
+    shown = data.reset_index() if index else data
+    cells = pd.DataFrame(
+        {
+            column: [_cell(value, _places(decimals, str(column))) for value in shown[column]]
+            for column in shown.columns
+        }
+    )
+    numeric = [
+        pd.api.types.is_numeric_dtype(shown[column])
+        and not pd.api.types.is_bool_dtype(shown[column])
+        for column in shown.columns
+    ]
+    rows = [
+        _pipe(str(column) for column in shown.columns),
+        _pipe("---:" if right else ":---" for right in numeric),
+        *(_pipe(row) for row in cells.itertuples(index=False)),
+    ]
+    body = "\n".join(rows)
+    display(
+        _Rendered(
+            f"::::{{table}} {caption}\n:name: {name}\n\n{body}\n::::\n",
+            cells.style.hide(axis="index").set_caption(caption).to_html(),
+        )
+    )
+
+
+def _pipe(cells: Iterable[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+def _places(decimals: int | Mapping[str, int], column: str) -> int:
+    return decimals if isinstance(decimals, int) else decimals.get(column, 2)
+
+
+def _cell(value: object, places: int) -> str:
+    """One table cell as text: a missing value is a dash, a boolean yes or no."""
+    if isinstance(value, (bool, np.bool_)):
+        return "yes" if value else "no"
+    if value is None or value is pd.NaT or value is pd.NA:
+        return "–"
+    if isinstance(value, (float, np.floating)):
+        if np.isnan(value):
+            return "–"
+        return f"{value:.{places}f}".replace("-", "−")
+    return str(value).replace("|", "\\|")
