@@ -126,6 +126,6 @@ def test_bad_input_is_refused(make) -> None:
                 base.q, np.random.default_rng(0).dirichlet(np.ones(4), 5), base.features, names
             )
         )
-    with pytest.raises(ValueError, match="no parameter 'level'"):
+    with pytest.raises(ValueError, match="Invalid parameter 'level'"):
         make().set_params(level=1)
     assert make().get_params()["alpha"] == 0.05

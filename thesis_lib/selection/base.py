@@ -3,13 +3,15 @@ r"""What all feature selectors share: scikit-learn's conventions and backward el
 from __future__ import annotations
 
 import abc
-import inspect
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
+from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.utils import Tags
+from sklearn.utils.validation import check_is_fitted
 
 from thesis_lib.arrays import BoolArray, FloatArray, IntArray
 from thesis_lib.mdp.checks import one_of
@@ -23,11 +25,13 @@ ZERO = 1e-12
 """Relevance below this share of the variance of the Q-values is rounding error, hence 0."""
 
 
-class Selector(abc.ABC):
+class Selector(TransformerMixin, BaseEstimator, abc.ABC):
     """Chooses the features that a cross-task function should use.
 
-    Follows scikit-learn: arguments of the constructor are parameters, :meth:`fit` learns
-    and returns the selector, and learned attributes end in an underscore.
+    A scikit-learn transformer that is fitted to :class:`Solutions`: arguments of the
+    constructor are parameters, :meth:`fit` learns and returns the selector, and learned
+    attributes end in an underscore.  The last step of a ``make_pipeline`` or one before it,
+    it passes on the columns kept.
 
     Attributes
     ----------
@@ -36,43 +40,21 @@ class Selector(abc.ABC):
     removed_
         Names of the features removed, in the order of removal.
     feature_names_in_
-        Names of all features.
+        Names of all features, shape ``(F,)``.
+    n_features_in_
+        F.
     """
 
     min_tasks: int = 1
     support_: BoolArray
     removed_: tuple[str, ...]
-    feature_names_in_: tuple[str, ...]
+    feature_names_in_: np.ndarray
+    n_features_in_: int
 
-    @classmethod
-    def _parameter_names(cls) -> list[str]:
-        return [name for name in inspect.signature(cls.__init__).parameters if name != "self"]
-
-    def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Parameters by name; ``deep`` is there for scikit-learn's sake."""
-        return {name: getattr(self, name) for name in self._parameter_names()}
-
-    def set_params(self, **params: Any) -> Self:
-        """Set parameters by name.
-
-        Raises
-        ------
-        ValueError
-            When there is no such parameter.
-        """
-        names = self._parameter_names()
-        for name, value in params.items():
-            if name not in names:
-                raise ValueError(
-                    f"{type(self).__name__} has no parameter {name!r}; its parameters are "
-                    f"{', '.join(names) or 'none'}."
-                )
-            setattr(self, name, value)
-        return self
-
-    def __repr__(self) -> str:
-        shown = ", ".join(f"{name}={value!r}" for name, value in self.get_params().items())
-        return f"{type(self).__name__}({shown})"
+    def __sklearn_tags__(self) -> Tags:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.two_d_array = False  # fit takes Solutions
+        return tags
 
     def fit(self, solutions: Solutions, y: None = None) -> Self:
         """Select features from the solutions of the observed tasks.
@@ -104,7 +86,8 @@ class Selector(abc.ABC):
                 f"{type(self).__name__} was given {solutions.n_tasks} task(s), but needs at least "
                 f"{self.min_tasks}; use NoSelection until that many were observed."
             )
-        self.feature_names_in_ = solutions.feature_names
+        self.feature_names_in_ = np.array(solutions.feature_names, dtype=object)
+        self.n_features_in_ = solutions.n_features
         removed = self._select(solutions)
         self.support_ = np.ones(solutions.n_features, dtype=bool)
         self.support_[removed] = False
@@ -120,25 +103,36 @@ class Selector(abc.ABC):
         self._check_fitted()
         return np.flatnonzero(self.support_) if indices else self.support_
 
-    def get_feature_names_out(self, input_features: ArrayLike | None = None) -> np.ndarray:
-        """Names of the features kept; ``input_features`` is there for scikit-learn's sake."""
-        self._check_fitted()
-        return np.array(self.feature_names_in_, dtype=object)[self.support_]
+    def get_feature_names_out(self, input_features: Sequence[str] | None = None) -> np.ndarray:
+        """Names of the features kept; ``input_features``, if given, must be those of the fit."""
+        self._check_names(input_features)
+        return self.feature_names_in_[self.support_]
 
-    def transform(self, features: ArrayLike) -> np.ndarray:
+    def transform(self, features: Solutions | ArrayLike) -> np.ndarray:
         """Keep the selected columns.
 
         Parameters
         ----------
         features
-            Feature values, shape ``(N, F)``, of any pairs.
+            Feature values, shape ``(N, F)``, of any pairs: an array in the order of
+            ``feature_names_in_``, or a frame or solutions with these names in this order.
 
         Returns
         -------
         numpy.ndarray
             Shape ``(N, number kept)``.
+
+        Raises
+        ------
+        sklearn.exceptions.NotFittedError
+            When nothing was selected yet.
+        ValueError
+            When columns lack, or have other names or another order than in the fit.
         """
-        self._check_fitted()
+        if isinstance(features, Solutions):
+            self._check_names(features.feature_names)
+            return features.features[:, self.support_]
+        self._check_names(getattr(features, "columns", None))
         rows = np.asarray(features)
         if rows.ndim != 2 or rows.shape[1] != len(self.support_):
             raise ValueError(
@@ -149,13 +143,22 @@ class Selector(abc.ABC):
 
     def labels(self, solutions: Solutions) -> IntArray:
         """The abstraction selected, as labels of the pairs, shape ``(N,)``."""
-        self._check_fitted()
+        self._check_names(solutions.feature_names)
         return keep(solutions, np.flatnonzero(self.support_).tolist())
 
     def _check_fitted(self) -> None:
-        if not hasattr(self, "support_"):
+        check_is_fitted(
+            self,
+            "support_",
+            msg="this %(name)s has selected nothing yet; call fit(solutions) first.",
+        )
+
+    def _check_names(self, names: Iterable[Any] | None) -> None:
+        self._check_fitted()
+        if names is not None and list(names) != list(self.feature_names_in_):
             raise ValueError(
-                f"this {type(self).__name__} has selected nothing yet; call fit(solutions) first."
+                f"the columns are {', '.join(map(str, names))}, but the selector was fitted to "
+                f"{', '.join(self.feature_names_in_)}, in this order; choose and order them so."
             )
 
 
