@@ -218,3 +218,21 @@ def test_bad_input_is_refused() -> None:
         finite_domain(1, 1, 0)
     with pytest.raises(ValueError, match="at least"):
         compare(ground(unshared.take([1])), ground(unshared.take([1])).total())
+
+
+def test_domain_relevance_has_no_unbiased_estimate_where_weights_differ() -> None:
+    """The mean of any function of n tasks is a polynomial of degree n in their chances."""
+    t = np.linspace(0, 1, 41)
+
+    def misfit(p: list[list[float]], n: int) -> float:
+        q = np.array([[1.0, 0.0], [3.0, -2.0]])
+        solutions = Solutions(q, np.array(p), np.arange(2)[:, None], ("x",))
+        merged = np.zeros(2, dtype=np.int64)
+        rho = [domain_relevance(solutions, merged, distribution=[1 - s, s]) for s in t]
+        rest = np.polynomial.Polynomial.fit(t, rho, n)(t) - rho
+        return float(np.abs(rest).max() / np.max(rho))
+
+    # One p: a quadratic, so two tasks are enough.  Two: no n is, and the misfit only fades.
+    assert misfit([[0.5, 0.5], [0.5, 0.5]], 2) < 1e-12
+    fits = [misfit([[1.0, 0.0], [0.5, 0.5]], n) for n in (2, 4, 8)]
+    assert fits[0] > fits[1] > fits[2] > 1e-9

@@ -27,11 +27,13 @@ from thesis_lib.selection import (
     FixedFeatures,
     FunctionSelector,
     JackknifeF,
+    LeaveOneTaskOut,
     LinearF,
     NetworkF,
     NoSelection,
     RandomSelection,
     Selector,
+    Shrinkage,
     TaskRelevance,
     rates,
     triangle_alpha,
@@ -48,6 +50,8 @@ SELECTORS = [
     TaskRelevance(0.01, "every", always=()),
     LinearF(interactions="pairs"),
     NetworkF(hidden=2, random_state=3),
+    LeaveOneTaskOut(),
+    Shrinkage("cross-fitted"),
 ]
 
 
@@ -222,7 +226,7 @@ def test_the_order_of_tasks_does_not_matter_to_exact_methods() -> None:
     for seed in range(30):
         solutions = world(seed, "weights", 6, sizes=(2, 2, 2))
         turned = solutions.take(np.random.default_rng(seed).permutation(6))
-        for selector in (FSTEK(alpha=1e-3), JackknifeF(), IBKR()):
+        for selector in (FSTEK(alpha=1e-3), JackknifeF(), IBKR(), LeaveOneTaskOut(), Shrinkage()):
             kept = selector.fit(solutions).removed_
             assert selector.fit(turned).removed_ == kept
 
@@ -230,6 +234,7 @@ def test_the_order_of_tasks_does_not_matter_to_exact_methods() -> None:
 @pytest.mark.parametrize("kind", ["shared", "weights"])
 def test_names_of_values_and_the_origin_of_q_do_not_matter(kind: str) -> None:
     selectors: list[Selector] = [FSTEK(alpha=1e-3), JackknifeF(), IBKR(), TaskRelevance(always=())]
+    selectors += [LeaveOneTaskOut(), Shrinkage()]
     if kind == "shared":
         selectors.append(LinearF(interactions="pairs"))
     for seed in range(30):

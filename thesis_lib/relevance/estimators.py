@@ -19,6 +19,20 @@ elements and :math:`\rho_\infty = (1 - 1/N)\,\mathrm{E}\,U + \mathrm{E}\,b / N`.
 Where p(x|m) differs between tasks :math:`\rho_k = \rho_\infty + c/k + O(1/k^2)`, and the
 delete-one jackknife :math:`J = n V_n - (n - 1) \bar V_{n-1}` removes the 1/k term.  As
 :math:`V_n = D(n)` and :math:`\bar V_{n-1} = D(n - 1)`, J = U when p is shared.
+
+*There, no estimate is unbiased, however many tasks are seen.*  The mean of any function of n
+independent tasks is a polynomial of degree at most n in D.  Two tasks with chances
+:math:`1 - t` and t, of which the first visits only the pair x and the second x and z equally
+often, give x the weight :math:`1 - t/2` and
+
+.. math:: \rho_\infty(t) = \frac{((1-t)\, q_1 + t q_2 / 2)^2}{1 - t/2} + \frac{t}{2} z_2^2
+          - \bigl((1-t)\, q_1 + t (q_2 + z_2)/2\bigr)^2
+
+when both pairs are merged.  The fraction is a polynomial only if its numerator vanishes at t = 2,
+that is if :math:`q_1 = q_2`: else :math:`\rho_\infty` is no polynomial, and no function of any
+number of tasks has it for its mean on all of these domains.  What *can* be estimated without
+bias is how much better a function of n - 1 tasks predicts the next one with a feature than
+without (:mod:`thesis_lib.selection.prediction`).
 """
 
 from __future__ import annotations

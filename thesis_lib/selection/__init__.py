@@ -17,6 +17,7 @@ from thesis_lib.selection.fitting import (
 from thesis_lib.selection.fstek import FSTEK, IBKR, bkr, fr
 from thesis_lib.selection.functions import FunctionSelector, LinearF, NetworkF
 from thesis_lib.selection.jackknife import JackknifeF, f_threshold
+from thesis_lib.selection.prediction import LeaveOneTaskOut, Shrinkage, left_out
 from thesis_lib.selection.roc import rates
 from thesis_lib.selection.task import TaskRelevance, task_explained, unseen_share
 
@@ -30,12 +31,14 @@ __all__ = [
     "FixedFeatures",
     "FunctionSelector",
     "JackknifeF",
+    "LeaveOneTaskOut",
     "LinearF",
     "NetworkF",
     "NoSelection",
     "RandomSelection",
     "Round",
     "Selector",
+    "Shrinkage",
     "TaskRelevance",
     "bkr",
     "f_threshold",
@@ -43,6 +46,7 @@ __all__ = [
     "fit_inverse",
     "fr",
     "fstek_threshold",
+    "left_out",
     "rates",
     "task_explained",
     "triangle_alpha",

@@ -1,0 +1,198 @@
+"""Leave-one-task-out cross-validation and shrinkage, against slow definitions and closed forms."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.stats import t
+
+from tests.relevance.worlds import kinds, seeds, world
+from tests.selection.examples import planted
+from thesis_lib.relevance import Solutions, estimate, ground, remove
+from thesis_lib.selection import LeaveOneTaskOut, Shrinkage, left_out
+
+
+def mean_by_cell(tasks: list[dict], keys: list[int]) -> dict:
+    """Weighted mean of some tasks' values in each cell of the abstraction x -> x[keys]."""
+    mass, total = {}, {}
+    for task in tasks:
+        for x, (p, q) in task.items():
+            y = tuple(x[k] for k in keys)
+            mass[y] = mass.get(y, 0.0) + p
+            total[y] = total.get(y, 0.0) + p * q
+    return {y: total[y] / mass[y] for y in mass}
+
+
+def by_definition(solutions: Solutions, feature: int) -> tuple[float, float, float]:
+    """Mean squared error without and with the feature, and the spread of the two predictions."""
+    tasks = [
+        {
+            tuple(x): (p, q)
+            for x, p, q in zip(solutions.features.tolist(), ps, qs, strict=True)
+            if p > 0
+        }
+        for ps, qs in zip(solutions.p.tolist(), solutions.q.tolist(), strict=True)
+    ]
+    every = list(range(solutions.n_features))
+    fewer = [k for k in every if k != feature]
+    without = with_it = spread = 0.0
+    for i, task in enumerate(tasks):
+        others = tasks[:i] + tasks[i + 1 :]
+        fine, coarse = mean_by_cell(others, every), mean_by_cell(others, fewer)
+        for x, (p, q) in task.items():
+            y = tuple(x[k] for k in fewer)
+            # A cell that nobody else visits is predicted by what there is.
+            c = coarse.get(y, 0.0)
+            f = fine.get(x, c)
+            without += p * (q - c) ** 2 / len(tasks)
+            with_it += p * (q - f) ** 2 / len(tasks)
+            spread += p * (f - c) ** 2 / len(tasks)
+    return without, with_it, spread
+
+
+@settings(deadline=None, max_examples=80)
+@given(seed=seeds, kind=kinds, n=st.integers(2, 6), feature=st.integers(0, 2))
+def test_left_out_is_the_difference_of_squared_errors(
+    seed: int, kind: str, n: int, feature: int
+) -> None:
+    solutions = world(seed, kind, n, sizes=(2, 2, 3))
+    gained, spent = left_out(ground(solutions), feature)
+    without, with_it, spread = by_definition(solutions, feature)
+    assert 2 * gained - spent == pytest.approx(without - with_it, abs=1e-8)
+    assert spent == pytest.approx(spread, abs=1e-8)
+
+
+@settings(deadline=None, max_examples=300)
+@given(seed=seeds, n=st.integers(2, 12), feature=st.integers(0, 2), common=st.floats(0, 3))
+def test_with_shared_p_cross_validation_is_a_threshold_on_f(
+    seed: int, n: int, feature: int, common: float
+) -> None:
+    """2N < D exactly where F < 1 + n/(n - 1), by the slow definition and the jackknife's F."""
+    solutions = world(seed, "shared", n, sizes=(2, 2, 3))
+    rng = np.random.default_rng([seed, 3])
+    q = solutions.q + common * rng.normal(size=solutions.n_pairs)
+    solutions = Solutions(q, solutions.p, solutions.features, solutions.feature_names)
+    F = estimate(solutions, remove(solutions, [feature])).f_ratio
+    threshold = 1 + n / (n - 1)
+    assume(abs(F - threshold) > 1e-6)
+    without, with_it, _ = by_definition(solutions, feature)
+    assert (without <= with_it) == (threshold >= F)
+    gained, spent = left_out(ground(solutions), feature)
+    assert gained / spent == pytest.approx((F - 1) / (F - 1 + n / (n - 1)), abs=1e-6)
+    check = LeaveOneTaskOut().fit(solutions).history_[0].checks[feature]
+    assert (check.verdict == "remove") == (threshold >= F)
+
+
+def test_by_hand() -> None:
+    """Effects 1 and 3 of one feature: 1 is predicted by 3 and 3 by 1."""
+    features = np.array([[0], [1]])
+    p = np.full((2, 2), 0.5)
+    solutions = Solutions(np.array([[-1.0, 1.0], [-3.0, 3.0]]), p, features, ("f",))
+    # Without it errors 1 and 9, with it 4 and 4; N = (1 * 3 + 3 * 1)/2, D = (9 + 1)/2.
+    assert left_out(ground(solutions), 0) == pytest.approx((3.0, 5.0))
+    assert LeaveOneTaskOut().fit(solutions).support_.tolist() == [True]
+    # F = n V / tr S = 2 * 4 / 2 = 4: above 3, as kept, and 1 - 1/4 of the effect 2 is left.
+    shrunk = Shrinkage().fit(solutions)
+    assert shrunk.weights_ == pytest.approx([0.75])
+    assert shrunk.values(solutions) == pytest.approx([-1.5, 1.5])
+    fitted = Shrinkage("cross-fitted").fit(solutions)
+    assert fitted.weights_ == pytest.approx([0.6])
+
+
+@pytest.mark.parametrize("n", [3, 6, 15])
+def test_how_often_an_irrelevant_feature_stays(n: int) -> None:
+    """For one Gaussian direction: the chance of a squared Student t above 1 + n/(n - 1)."""
+    rng = np.random.default_rng(7)
+    runs = 1500
+    kept = sum(LeaveOneTaskOut().fit(planted(rng, n)).support_[1] for _ in range(runs)) / runs
+    chance = 2 * t.sf(np.sqrt(1 + n / (n - 1)), n - 1)
+    assert abs(kept - chance) < 4 * np.sqrt(chance * (1 - chance) / runs)
+
+
+@pytest.mark.parametrize("kind", ["shared", "weights", "subsets"])
+def test_the_gain_is_unbiased_for_the_next_task(kind: str) -> None:
+    """Its mean over all sequences of n tasks is the gain of n - 1 tasks on a further one."""
+    domain = world(11, kind, 3, sizes=(2, 2))
+    sequences = [[i, j, k] for i in range(3) for j in range(3) for k in range(3)]
+    estimated = np.mean(
+        [2 * g - s for c in sequences for g, s in [left_out(ground(domain.take(c)), 0)]]
+    )
+    true = 0.0
+    rows = domain.features.tolist()
+    for i, j, k in sequences:
+        tables = [
+            {
+                tuple(x): (p, q)
+                for x, p, q in zip(rows, domain.p[m], domain.q[m], strict=True)
+                if p > 0
+            }
+            for m in (i, j)
+        ]
+        fine, coarse = mean_by_cell(tables, [0, 1]), mean_by_cell(tables, [1])
+        for x, p, q in zip(rows, domain.p[k], domain.q[k], strict=True):
+            if p > 0:
+                c = coarse.get((x[1],), 0.0)
+                f = fine.get(tuple(x), c)
+                true += p * ((q - c) ** 2 - (q - f) ** 2) / 27
+    assert estimated == pytest.approx(true, abs=1e-9)
+
+
+def test_shrinkage_without_scatter_changes_nothing() -> None:
+    rng = np.random.default_rng(3)
+    features = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
+    q = np.tile(rng.normal(size=4), (5, 1))
+    solutions = Solutions(q, np.full((5, 4), 0.25), features, ("f", "g"))
+    for weight in ("plug-in", "cross-fitted"):
+        shrunk = Shrinkage(weight).fit(solutions)
+        assert shrunk.weights_ == pytest.approx([1, 1])
+        assert shrunk.values(solutions) == pytest.approx(q[0])
+
+
+def test_shrinkage_of_pure_noise_leaves_the_mean() -> None:
+    """Effects that cancel exactly have F = 0 and weight 0."""
+    features = np.array([[0], [1]])
+    q = np.array([[-2.0, 2.0], [2.0, -2.0]]) + 7
+    solutions = Solutions(q, np.full((2, 2), 0.5), features, ("f",))
+    shrunk = Shrinkage().fit(solutions)
+    assert shrunk.support_.tolist() == [False]
+    assert shrunk.removed_ == ("f",)
+    assert shrunk.values(solutions) == pytest.approx([7, 7])
+
+
+def test_shrinkage_predicts_better_than_keeping_and_than_removing() -> None:
+    """Where one feature matters and one is noise; errors of the mean function, many domains."""
+    rng = np.random.default_rng(5)
+    kept, shrunk, dropped = [], [], []
+    for _ in range(400):
+        solutions = planted(rng, 5, effect=1.0)
+        truth = 2 * solutions.features[:, 0] - 1.0
+        kept.append(np.mean((solutions.q.mean(axis=0) - truth) ** 2))
+        values = Shrinkage().fit(solutions).values(solutions)
+        shrunk.append(np.mean((values - truth) ** 2))
+        dropped.append(np.mean((solutions.q.mean() - truth) ** 2))
+    assert np.mean(shrunk) < np.mean(kept)
+    assert np.mean(shrunk) < np.mean(dropped)
+
+
+def test_a_cell_nobody_visits_takes_the_coarser_value() -> None:
+    """Only the pair (1, 1) is never visited; f matters less than g, so f leaves first."""
+    features = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
+    q = np.array([[1.0, 9.0, 3.0, np.nan], [1.0, 9.0, 0.0, np.nan]])
+    p = np.array([[0.25, 0.25, 0.5, 0.0]] * 2)
+    shrunk = Shrinkage().fit(Solutions(q, p, features, ("f", "g")))
+    assert shrunk.order_.tolist() == [0, 1]
+    # With g = 1 only (0, 1) was seen; g's own effect has no reason to be shrunk to less.
+    values = shrunk.values(Solutions(q, p, features, ("f", "g")))
+    assert values[3] == pytest.approx(values[1])
+
+
+def test_bad_input() -> None:
+    solutions = planted(np.random.default_rng(0), 3)
+    with pytest.raises(ValueError, match="weight is 'none'"):
+        Shrinkage("none").fit(solutions)  # type: ignore[arg-type]
+    for selector in (LeaveOneTaskOut(), Shrinkage()):
+        with pytest.raises(ValueError, match="at least 2"):
+            selector.fit(solutions.take([0]))
+    flat = Solutions(np.ones((2, 4)), solutions.p[:2], solutions.features, ("f", "g"))
+    with pytest.raises(ValueError, match="same constant"):
+        Shrinkage().fit(flat)
