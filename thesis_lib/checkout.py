@@ -46,6 +46,8 @@ def _git(*arguments: str) -> str:
         env={name: value for name, value in os.environ.items() if not name.startswith("GIT_")},
         capture_output=True,
         text=True,
+        encoding="utf-8",
+        errors="replace",
         check=True,
     )
     return done.stdout.strip()

@@ -109,6 +109,11 @@ def closure(sources: Iterable[str], root: Path) -> dict[str, Path]:
     return dict(sorted(found.items()))
 
 
+def hidden(path: Path) -> bool:
+    """Whether a relative path is what file managers and editors leave (``._x``, ``.DS_Store``)."""
+    return any(part.startswith(".") for part in path.parts)
+
+
 def data_files(modules: dict[str, Path]) -> list[Path]:
     """Files other than Python's that lie beside the packages among some modules.
 
@@ -119,7 +124,9 @@ def data_files(modules: dict[str, Path]) -> list[Path]:
         file
         for folder in folders
         for file in folder.iterdir()
-        if file.is_file() and file.suffix not in {".py", ".pyc", ".so"}
+        if file.is_file()
+        and file.suffix not in {".py", ".pyc", ".so"}
+        and not hidden(Path(file.name))
     )
 
 
@@ -137,4 +144,5 @@ def saved_results(modules: dict[str, Path], root: Path) -> list[Path]:
     """
     if READER not in modules:
         return []
-    return sorted(file for file in (root / "results").rglob("*") if file.is_file())
+    files = (root / "results").rglob("*")
+    return sorted(f for f in files if f.is_file() and not hidden(f.relative_to(root)))

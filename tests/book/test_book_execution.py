@@ -8,7 +8,7 @@ import nbformat
 import pytest
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
-from thesis_lib.book.build import build, collect_tables
+from thesis_lib.book.build import _listed, build, collect_tables
 from thesis_lib.book.execution import Run, execute, finished, plan
 from thesis_lib.book.paths import Paths
 from thesis_lib.book.staging import stage, sync
@@ -58,7 +58,7 @@ def root(tmp_path: Path) -> Path:
 
 
 def digests(root: Path, budget: str = "smoke", seed: int = 0) -> dict[str, str]:
-    return {task.name: task.digest for task in plan(Paths.of(budget, root), seed)}
+    return {task.name: task.digest for task in plan(Paths.of(budget, root), seed, ["one", "two"])}
 
 
 def changed(root: Path, before: dict[str, str], **options: Any) -> set[str]:
@@ -115,7 +115,36 @@ def test_a_notebook_that_cannot_take_the_parameters_is_refused(
 ) -> None:
     nbformat.write(new_notebook(cells=cells), root / "notebooks" / "bad.ipynb")
     with pytest.raises(ValueError, match=message):
-        plan(Paths.of("smoke", root), 0)
+        plan(Paths.of("smoke", root), 0, ["bad"])
+
+
+@pytest.mark.parametrize("text", ["", "{}", "not JSON", '{"cells": 3}', "\x00\x05"])
+def test_a_listed_file_that_is_no_notebook_is_named(root: Path, text: str) -> None:
+    (root / "notebooks" / "one.ipynb").write_text(text)
+    with pytest.raises(ValueError, match=r"^one\.ipynb (is not a notebook|must have one cell)"):
+        plan(Paths.of("smoke", root), 0, ["one"])
+
+
+def test_what_editors_and_file_managers_leave_does_not_matter(root: Path) -> None:
+    said: list[str] = []
+    before = digests(root)
+    for name in ("Untitled.ipynb", "._one.ipynb", ".ipynb_checkpoints/one-checkpoint.ipynb"):
+        (root / "notebooks" / name).parent.mkdir(exist_ok=True)
+        (root / "notebooks" / name).write_text("")
+    for name in ("results/.DS_Store", "thesis_lib/published/._t.csv", "book/.intro.md.swp"):
+        (root / name).write_text("")
+    (root / "_toc.yml").write_text(
+        "format: jb-book\nroot: book/intro\nchapters:\n- file: notebooks/one\n"
+    )
+    assert changed(root, before) == set()
+    assert _listed((), Paths.of("smoke", root), said.append) == ["one"]
+    assert said == [
+        f"notebooks/{name}.ipynb is not in _toc.yml, so it gets no page."
+        for name in ("Untitled", "two")
+    ]
+    stage(Paths.of("smoke", root), {}, {}, {})
+    staged = Paths.of("smoke", root).source
+    assert [f.name for f in (staged / "book").iterdir()] == ["intro.md"]
 
 
 def test_a_folder_without_a_book_is_refused(tmp_path: Path) -> None:
@@ -153,7 +182,7 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Any:
     write(root, "failing", "1 / 0")
     write(root, "sly", "import importlib\nimportlib.import_module('thesis_lib.stats')")
     paths = Paths.of("smoke", root)
-    tasks = plan(paths, 3)
+    tasks = plan(paths, 3, ["failing", "good", "sly"])
     said: list[str] = []
     return paths, {task.name: task for task in tasks}, execute(tasks, paths, said.append), said
 
@@ -215,7 +244,7 @@ class TestRunning:
         write(
             paths.root, "good", *[c.source for c in tasks["good"].source.cells[2:]], prose="# New"
         )
-        task = next(task for task in plan(paths, 3) if task.name == "good")
+        task = plan(paths, 3, ["good"])[0]
         run = finished(task, paths)
         assert run
         stage(paths, {"good": task}, {"good": run}, {})

@@ -67,6 +67,12 @@ def test_known_injected_names_pass() -> None:
     nb.start(GOOD | {"In": ["", CELL + "\nn_runs = 1", "# Parameters\nn_runs = 3"]})
 
 
+def test_what_papermill_adds_by_itself_passes() -> None:
+    """``--inject-paths`` and its like."""
+    added = "# Parameters\nPAPERMILL_INPUT_PATH = 'a'\nPAPERMILL_OUTPUT_PATH = 'b'\nseed = 1"
+    nb.start(GOOD | {"In": ["", CELL, added]})
+
+
 def test_unknown_parameter_stops_papermill(tmp_path: Path) -> None:
     source, out = tmp_path / "in.ipynb", tmp_path / "out.ipynb"
     start = "from thesis_lib.edition.page import start\nstart(globals())"
@@ -82,8 +88,11 @@ def test_unknown_parameter_stops_papermill(tmp_path: Path) -> None:
     assert not nbformat.read(out, as_version=4).cells[-1].outputs
 
 
-def test_style_is_opaque() -> None:
+def test_style_is_opaque_whatever_the_users_own_is() -> None:
+    mpl.rcParams.update({"text.color": "white", "text.usetex": True, "figure.facecolor": "none"})
     nb.start(GOOD)
+    assert mpl.rcParams["text.color"] == "black"
+    assert not mpl.rcParams["text.usetex"]
     assert mpl.rcParams["figure.facecolor"] == "white"
     assert mpl.rcParams["savefig.facecolor"] == "white"
 

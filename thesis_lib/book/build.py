@@ -7,15 +7,14 @@ import hashlib
 import json
 import re
 import shutil
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
-from thesis_lib.book.execution import Run, Task, execute, finished, last_run, plan
+from thesis_lib.book.child import Children
+from thesis_lib.book.execution import Run, Task, execute, finished, last_run, plan, surroundings
 from thesis_lib.book.pages import generated
 from thesis_lib.book.paths import Paths
 from thesis_lib.book.staging import fingerprint, stage
@@ -66,9 +65,7 @@ def build(
     paths.build.mkdir(exist_ok=True)
     with _lock(paths.build / f".lock-{budget}", say):
         started = time.perf_counter()
-        tasks = {task.name: task for task in plan(paths, seed)}
-        _check_names(only, tasks)
-        tasks = _listed(tasks, only, paths, say)
+        tasks = {task.name: task for task in plan(paths, seed, _listed(only, paths, say))}
         if not _run(tasks, only, paths, say):
             return 1
         found = {
@@ -97,7 +94,7 @@ def collect_tables(runs: Mapping[str, Run], results: Path) -> None:
     """
     results.mkdir(parents=True, exist_ok=True)
     record = results / _COLLECTED
-    before = set(json.loads(record.read_text())) if record.exists() else set()
+    before = set(json.loads(record.read_text(encoding="utf-8"))) if record.exists() else set()
     tables = {table.name: table.read_bytes() for run in runs.values() for table in run.tables}
     for name, data in tables.items():
         target = results / name
@@ -107,27 +104,27 @@ def collect_tables(runs: Mapping[str, Run], results: Path) -> None:
     for name in before - set(tables):
         (results / name).unlink(missing_ok=True)
     with replacing(record) as temporary:
-        temporary.write_text(json.dumps(sorted(tables)) + "\n")
+        temporary.write_text(json.dumps(sorted(tables)) + "\n", encoding="utf-8")
 
 
-def _check_names(only: Sequence[str], tasks: Mapping[str, Task]) -> None:
-    unknown = [name for name in only if name not in tasks]
+def _listed(only: Sequence[str], paths: Paths, say: Callable[[str], None]) -> list[str]:
+    """The notebooks that are in the table of contents, or asked for by name.
+
+    Others are left unread: an editor's new or empty file must not stop the build.
+    """
+    names = sorted(f.stem for f in paths.notebooks.glob("*.ipynb") if f.name[0] != ".")
+    unknown = [name for name in only if name not in names]
     if unknown:
         raise ValueError(
             f"there is no notebook {', '.join(map(repr, unknown))}; choose among "
-            f"{', '.join(tasks)}."
+            f"{', '.join(names)}."
         )
-
-
-def _listed(
-    tasks: Mapping[str, Task], only: Sequence[str], paths: Paths, say: Callable[[str], None]
-) -> dict[str, Task]:
-    """The notebooks that are in the table of contents, or asked for by name."""
-    toc = (paths.root / "_toc.yml").read_text()
-    listed = {name for name in tasks if re.search(rf"\bnotebooks/{name}\b", toc)}
-    for name in sorted(set(tasks) - listed):
-        say(f"notebooks/{name}.ipynb is not in _toc.yml, so it gets no page.")
-    return {name: task for name, task in tasks.items() if name in listed or name in only}
+    toc = (paths.root / "_toc.yml").read_text(encoding="utf-8")
+    listed = {name for name in names if re.search(rf"\bnotebooks/{re.escape(name)}\b", toc)}
+    for name in names:
+        if name not in listed:
+            say(f"notebooks/{name}.ipynb is not in _toc.yml, so it gets no page.")
+    return [name for name in names if name in listed or name in only]
 
 
 def _run(
@@ -166,7 +163,9 @@ def _render(paths: Paths, *, strict: bool, say: Callable[[str], None]) -> int:
     if not strict:
         return _sphinx(paths, paths.html, strict=False, say=say)
     stamp, search = paths.html / _STAMP, paths.html / "searchindex.js"
-    made = json.loads(stamp.read_text()) if stamp.exists() and search.exists() else {}
+    made = (
+        json.loads(stamp.read_text(encoding="utf-8")) if stamp.exists() and search.exists() else {}
+    )
     made_from = fingerprint(paths.source) + _extensions()
     # A bare `jupyter-book build .` writes to the same place; the time tells.
     if made and made == {"from": made_from, "at": search.stat().st_mtime_ns}:
@@ -178,7 +177,7 @@ def _render(paths: Paths, *, strict: bool, say: Callable[[str], None]) -> int:
     status = _sphinx(paths, fresh, strict=True, say=say)
     if status == 0:
         at = (fresh / search.name).stat().st_mtime_ns
-        (fresh / _STAMP).write_text(json.dumps({"from": made_from, "at": at}))
+        (fresh / _STAMP).write_text(json.dumps({"from": made_from, "at": at}), encoding="utf-8")
         shutil.rmtree(paths.html, ignore_errors=True)
         fresh.rename(paths.html)
     return status
@@ -187,11 +186,14 @@ def _render(paths: Paths, *, strict: bool, say: Callable[[str], None]) -> int:
 def _sphinx(paths: Paths, html: Path, *, strict: bool, say: Callable[[str], None]) -> int:
     """Run Sphinx in a process of its own; returns 0, or 1 with a word on where to look."""
     folders = [str(folder) for folder in (paths.source, html, paths.doctrees)]
-    command = [sys.executable, "-m", "thesis_lib.book.render", *folders]
-    done = subprocess.run([*command, *(["--strict"] if strict else [])], check=False)
-    if done.returncode:
+    status, _ = Children().run(
+        "thesis_lib.book.render",
+        [*folders, *(["--strict"] if strict else [])],
+        env=surroundings(paths),
+    )
+    if status:
         say("The book was not built: see the warnings and errors above.")
-    return int(done.returncode != 0)
+    return int(status != 0)
 
 
 def _extensions() -> str:
@@ -204,7 +206,7 @@ def _extensions() -> str:
 @contextmanager
 def _lock(path: Path, say: Callable[[str], None]) -> Iterator[None]:
     """Let one build at a budget run at a time."""
-    with path.open("w") as file:
+    with path.open("w", encoding="utf-8") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

@@ -12,13 +12,11 @@ import json
 import os
 import platform
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +24,7 @@ from typing import Any
 
 import nbformat
 
+from thesis_lib.book.child import Children
 from thesis_lib.book.paths import Paths
 from thesis_lib.book.sources import code_cells, parameter_names, read
 from thesis_lib.edition.experiment import environment
@@ -34,10 +33,19 @@ from thesis_lib.imports import PACKAGE, closure, data_files, saved_results
 
 _OUTPUT, _MANIFEST, _TABLES = "notebook.ipynb", "manifest.json", "results"
 
+_KERNEL = "thesis"
+"""A name of our own: ``python3`` is whatever a user's folders say."""
+
 _PROBE = f"""\
 import json, sys
-print(json.dumps(sorted(m for m in sys.modules if m.split(".")[0] == {PACKAGE!r})))
+loaded = {{n: getattr(m, "__file__", None) for n, m in sys.modules.items()}}
+loaded = {{n: f for n, f in loaded.items() if n.split(".")[0] == {PACKAGE!r}}}
+print(json.dumps({{"python": sys.executable, "modules": loaded}}))
 """
+
+_KEPT = ("NUMBA_CACHE_DIR",)
+_FOREIGN = ("PYTHON", "NUMBA_", "MPL", "MATPLOTLIB", "IPYTHON", "JUPYTER", "JPY_", "FORCE_COLOR")
+"""Variables that begin so are settings of a user for other work, and stay out of the book."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +71,11 @@ class Task:
     parameters: Mapping[str, object]
     modules: Mapping[str, Path]
     digest: str
+
+    @property
+    def cells(self) -> list[str]:
+        """Sources of its code cells."""
+        return [cell.source for cell in code_cells(self.source)]
 
 
 @dataclass(frozen=True)
@@ -95,15 +108,15 @@ class NotebookFailedError(Exception):
     """A notebook stopped with an error; the message says where and why."""
 
 
-def plan(paths: Paths, seed: int) -> list[Task]:
-    """Every notebook of the book with its digest, in order of name.
+def plan(paths: Paths, seed: int, names: Iterable[str]) -> list[Task]:
+    """Notebooks of the book, by name, with their digests.
 
     Raises
     ------
     ValueError
-        If a notebook cannot be run: no parameters cell, or not plain Python.
+        If a notebook cannot be run: no notebook at all, no parameters cell, or not plain Python.
     """
-    return [task(path, paths, seed) for path in sorted(paths.notebooks.glob("*.ipynb"))]
+    return [task(paths.notebooks / f"{name}.ipynb", paths, seed) for name in names]
 
 
 def task(path: Path, paths: Paths, seed: int) -> Task:
@@ -169,7 +182,7 @@ def last_run(name: str, paths: Paths) -> Run | None:
     """The last run of a notebook, good or not."""
     folder = paths.executed / name
     try:
-        return Run(folder, json.loads((folder / _MANIFEST).read_text()))
+        return Run(folder, json.loads((folder / _MANIFEST).read_text(encoding="utf-8")))
     except FileNotFoundError:
         return None
 
@@ -199,8 +212,8 @@ def execute(
         folder.mkdir(parents=True, exist_ok=True)
     cores = os.cpu_count() or 1
     at_once = min(2, len(tasks), cores)
-    children = _Children()
-    _find_fonts(paths)
+    children = Children()
+    _prepare(paths)
 
     def one(task: Task) -> NotebookFailedError | None:
         say(f"  {task.name}: executing ...")
@@ -232,46 +245,7 @@ def _seconds(task: Task, paths: Paths) -> float:
     return float(run.manifest["seconds"]) if run else float("inf")
 
 
-class _Children:
-    """Processes under way, so that an interrupt can end them."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._running: set[subprocess.Popen[str]] = set()
-        self.stopped = False
-
-    def run(self, command: Sequence[str], **options: Any) -> tuple[int, str]:
-        """Run a command to its end; returns its exit status and what it printed."""
-        with self._lock:
-            if self.stopped:
-                return 130, "interrupted"
-            child = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                text=True,
-                # A session of its own: the child's kernel is in it and ends with it.
-                start_new_session=True,
-                **options,
-            )
-            self._running.add(child)
-        try:
-            printed, _ = child.communicate()
-        finally:
-            with self._lock:
-                self._running.discard(child)
-        return child.returncode, printed
-
-    def stop(self) -> None:
-        """End every process under way, with the kernels they started."""
-        with self._lock:
-            self.stopped = True
-            for child in self._running:
-                os.killpg(child.pid, signal.SIGTERM)
-
-
-def _execute(task: Task, paths: Paths, workers: int, children: _Children) -> None:
+def _execute(task: Task, paths: Paths, workers: int, children: Children) -> None:
     """Run one notebook aside and move the finished run into place."""
     work = Path(tempfile.mkdtemp(prefix=f".{task.name}.", dir=paths.executed))
     try:
@@ -287,20 +261,23 @@ def _execute(task: Task, paths: Paths, workers: int, children: _Children) -> Non
             for name, value in {**task.parameters, "workers": workers}.items()
             for part in ("-p", name, str(value))
         ]
+        made_with = environment()
         started, clock = time.time(), time.perf_counter()
         code, printed = children.run(
+            "papermill",
             [
-                *(sys.executable, "-m", "papermill", str(given), str(output), *options),
-                *("--kernel", "python3", "--start-timeout", "300"),
-                *("--no-progress-bar", "--no-log-output"),
+                *(str(given), str(output), *options, "--kernel", _KERNEL),
+                *("--start-timeout", "300", "--no-progress-bar", "--no-log-output"),
             ],
             cwd=paths.root,
-            env=_environment(paths, tables),
+            env={**surroundings(paths), RESULTS_VARIABLE: str(tables)},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
         )
         seconds = time.perf_counter() - clock
         if code:
             raise NotebookFailedError(_failure(task, paths, output, printed))
-        _finish(task, work, output)
+        _finish(task, work, output, paths)
         given.unlink()
         output.unlink()
         manifest = {
@@ -311,9 +288,9 @@ def _execute(task: Task, paths: Paths, workers: int, children: _Children) -> Non
             "seconds": round(seconds, 1),
             "modules": list(task.modules),
             "tables": [path.stem for path in sorted(tables.glob("*.json"))],
-            **environment(),
+            **made_with,
         }
-        (work / _MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n")
+        (work / _MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
         work.chmod(0o755)
         target = paths.executed / task.name
         # The manifest goes first: without it a run does not count, whatever else is left of it.
@@ -324,25 +301,55 @@ def _execute(task: Task, paths: Paths, workers: int, children: _Children) -> Non
         shutil.rmtree(work, ignore_errors=True)
 
 
-def _environment(paths: Paths, tables: Path) -> dict[str, str]:
-    """Environment of a notebook's kernel."""
-    ipython = paths.build / "ipython"
-    profile = ipython / "profile_default"
-    profile.mkdir(parents=True, exist_ok=True)
-    # Kernels warn on every start that they listen on an unencrypted local port.
-    (profile / "ipython_kernel_config.py").write_text("c.IPKernelApp.log_level = 40\n")
+def surroundings(paths: Paths) -> dict[str, str]:
+    """Environment of the build's processes: what a user set for other work is left out.
+
+    Among it are a backend or a style of matplotlib, start-up files, a kernel of the same name
+    that runs another interpreter, and folders of other packages.
+    """
+    own = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith(_FOREIGN) or name in _KEPT
+    }
     threads = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
     return {
-        **os.environ,
+        **own,
         **dict.fromkeys(threads, "1"),
-        RESULTS_VARIABLE: str(tables),
-        # Not the reader's own: start-up files there could change a result.
-        "IPYTHONDIR": str(ipython),
+        "IPYTHONDIR": str(paths.build / "ipython"),
+        "JUPYTER_PATH": str(paths.build / "jupyter"),
+        "JUPYTER_DATA_DIR": str(paths.build / "jupyter"),
+        "JUPYTER_CONFIG_DIR": str(paths.build / "jupyter"),
         "MPLCONFIGDIR": str(_matplotlib(paths)),
-        "PYTHONPATH": os.pathsep.join(
-            [str(paths.root), *filter(None, [os.environ.get("PYTHONPATH")])]
-        ),
+        "PYTHONPATH": str(paths.root),
+        "PYTHONUTF8": "1",
+        "NO_COLOR": "1",
     }
+
+
+def _prepare(paths: Paths) -> None:
+    """Write the settings of kernels, and let matplotlib list the fonts once.
+
+    It would else announce that in the first notebook.
+    """
+    profile = paths.build / "ipython" / "profile_default"
+    kernel = paths.build / "jupyter" / "kernels" / _KERNEL
+    for folder in (profile, kernel):
+        folder.mkdir(parents=True, exist_ok=True)
+    # Kernels warn on every start that they listen on an unencrypted local port.
+    (profile / "ipython_kernel_config.py").write_text("c.IPKernelApp.log_level = 40\n")
+    command = [sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}"]
+    described = {"argv": command, "display_name": "Python 3", "language": "python"}
+    (kernel / "kernel.json").write_text(json.dumps(described), encoding="utf-8")
+    fonts = _matplotlib(paths)
+    if not any(fonts.glob("fontlist-*.json")):
+        fonts.mkdir(parents=True, exist_ok=True)
+        subprocess.run(
+            [sys.executable, "-c", "import matplotlib.font_manager"],
+            env=surroundings(paths),
+            capture_output=True,
+            check=True,
+        )
 
 
 def _matplotlib(paths: Paths) -> Path:
@@ -355,31 +362,18 @@ def _matplotlib(paths: Paths) -> Path:
     return (home if os.access(home, os.W_OK) else paths.build) / "matplotlib"
 
 
-def _find_fonts(paths: Paths) -> None:
-    """Let matplotlib list the fonts once, which it would else announce in the first notebook."""
-    folder = _matplotlib(paths)
-    if not any(folder.glob("fontlist-*.json")):
-        folder.mkdir(parents=True, exist_ok=True)
-        subprocess.run(
-            [sys.executable, "-c", "import matplotlib.font_manager"],
-            env={**os.environ, "MPLCONFIGDIR": str(folder)},
-            capture_output=True,
-            check=True,
-        )
-
-
 def _failure(task: Task, paths: Paths, output: Path, printed: str) -> str:
     """Keep what is left of a failed run and say in a few lines what went wrong."""
     log = paths.reports / f"{task.name}.log"
-    log.write_text(printed)
+    log.write_text(printed, encoding="utf-8")
     if output.exists():
         output.replace(paths.reports / f"{task.name}.ipynb")
     shown = printed.rstrip().splitlines()[-25:]
     return "\n".join([f"{task.name} failed; the whole log is {log}. It ends with:", *shown])
 
 
-def _finish(task: Task, work: Path, output: Path) -> None:
-    """Take what the build added out of an executed notebook, and check what it imported."""
+def _finish(task: Task, work: Path, output: Path, paths: Paths) -> None:
+    """Take what the build added out of an executed notebook, and check what it ran and drew."""
     notebook = nbformat.read(output, as_version=4)
     probe = notebook.cells.pop()
     notebook.cells = [
@@ -387,11 +381,32 @@ def _finish(task: Task, work: Path, output: Path) -> None:
         for cell in notebook.cells
         if "injected-parameters" not in cell.metadata.get("tags", ())
     ]
-    loaded = json.loads("".join(part.text for part in probe.outputs))
+    found = json.loads("".join(part.text for part in probe.outputs))
+    loaded = {name: Path(file) for name, file in found["modules"].items()}
     unseen = [name for name in loaded if name not in task.modules]
     if unseen:
         raise NotebookFailedError(
             f"{task.name} loaded {', '.join(unseen)} without an import that the build can see, "
             "so a change there would not re-execute it; import it in a code cell."
+        )
+    foreign = [file for name, file in loaded.items() if not file.samefile(task.modules[name])]
+    if found["python"] != sys.executable or foreign:
+        raise NotebookFailedError(
+            f"{task.name} ran {found['python']} on {foreign or paths.root}, but the build must "
+            f"run {sys.executable} on {paths.root}: take other versions of this package out of "
+            "what Python starts with (its .pth files)."
+        )
+    for cell in notebook.cells:
+        figure = cell.metadata.get("mystnb", {}).get("figure")
+        drawn = [kind for out in cell.get("outputs", ()) for kind in out.get("data", ())]
+        if figure and not any(kind.startswith("image/") for kind in drawn):
+            raise NotebookFailedError(
+                f"{task.name}: the cell {cell.id} drew no picture for {figure['name']}; it must "
+                "end with a figure, and nothing may take matplotlib's inline backend away."
+            )
+    if digest(task.cells, task.parameters, task.modules, paths.root) != task.digest:
+        raise NotebookFailedError(
+            f"{task.name}: a file it depends on changed while it ran, so it may show a mixture "
+            "of both; build again."
         )
     nbformat.write(notebook, work / _OUTPUT)

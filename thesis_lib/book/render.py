@@ -52,9 +52,11 @@ def render(source: Path, html: Path, doctrees: Path, *, strict: bool) -> int:
     if not isinstance(status, int):
         print(f"the book could not be built: {status}", file=sys.stderr)
         return 2
-    root = yaml.safe_load((source / "_toc.yml").read_text())["root"]
-    title = yaml.safe_load(config.read_text())["title"]
-    (html / "index.html").write_text(_REDIRECT.format(title=title, page=f"{root}.html"))
+    root = yaml.safe_load((source / "_toc.yml").read_text(encoding="utf-8"))["root"]
+    title = yaml.safe_load(config.read_text(encoding="utf-8"))["title"]
+    (html / "index.html").write_text(
+        _REDIRECT.format(title=title, page=f"{root}.html"), encoding="utf-8"
+    )
     return status
 
 

@@ -24,9 +24,18 @@ def read(path: Path) -> Any:
     Raises
     ------
     ValueError
-        If its first code cell, and no other, is not tagged ``parameters``.
+        If it is no notebook, or its first code cell, and no other, is not tagged
+        ``parameters``.
     """
-    notebook = nbformat.read(path, as_version=4)
+    try:
+        notebook = nbformat.read(path, as_version=4)
+    except OSError:
+        raise
+    except Exception as error:  # nbformat fails in many ways on what is no notebook
+        reason = (str(error) or type(error).__name__).splitlines()[0]
+        raise ValueError(
+            f"{path.name} is not a notebook ({reason}): restore or remove it."
+        ) from None
     tagged = [PARAMETERS_TAG in cell.metadata.get("tags", ()) for cell in code_cells(notebook)]
     if tagged[:1] != [True] or sum(tagged) != 1:
         raise ValueError(

@@ -15,6 +15,7 @@ import yaml
 from thesis_lib.book.execution import Run, Task
 from thesis_lib.book.paths import Paths
 from thesis_lib.book.sources import merge
+from thesis_lib.imports import hidden
 
 #: Pages that the build writes from data, in the checkout as stubs and in the stage in full.
 GENERATED = Path("book", "_generated")
@@ -36,12 +37,13 @@ def stage(
     pages
         Text of generated files by name, such as ``status.md``.
     """
+    config = (paths.root / "_config.yml").read_text(encoding="utf-8")
     files: dict[Path, bytes] = {
         Path("_toc.yml"): (paths.root / "_toc.yml").read_bytes(),
-        Path("_config.yml"): staged_config((paths.root / "_config.yml").read_text()).encode(),
+        Path("_config.yml"): staged_config(config).encode(),
     }
     for file in sorted((paths.root / "book").rglob("*")):
-        if file.is_file():
+        if file.is_file() and not hidden(file.relative_to(paths.root)):
             files[file.relative_to(paths.root)] = file.read_bytes()
     for name, text in pages.items():
         files[GENERATED / name] = text.encode()

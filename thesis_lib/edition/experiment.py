@@ -347,7 +347,8 @@ class Result:
                 self.table.to_csv(temporary, index=False)
         with replacing(folder / f"{self.experiment.id}.json") as temporary:
             record = {**self.provenance, "table": path.name}
-            temporary.write_text(json.dumps(record, indent=1, default=_plain) + "\n")
+            text = json.dumps(record, indent=1, default=_plain) + "\n"
+            temporary.write_text(text, encoding="utf-8")
         stale.unlink(missing_ok=True)
         return path
 
@@ -411,7 +412,7 @@ def load(identifier: str, directory: Path | str) -> tuple[pd.DataFrame, dict[str
             f"there is no result {identifier!r} in {str(directory)!r}: "
             f"make it with `thesis run {identifier} --out {directory}`."
         )
-    provenance = json.loads(record.read_text())
+    provenance = json.loads(record.read_text(encoding="utf-8"))
     path = record.with_name(provenance["table"])
     table = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
     return table, provenance

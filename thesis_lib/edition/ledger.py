@@ -226,7 +226,8 @@ def read_chapter(package: ModuleType) -> Chapter:
         a difference not exactly one effect.
     """
     found = [item for module in package.RESULTS for item in vars(module).values()]
-    words = tomllib.loads(Path(str(package.__file__)).with_name("claims.toml").read_text())
+    file = Path(str(package.__file__)).with_name("claims.toml")
+    words = tomllib.loads(file.read_text(encoding="utf-8"))
     criteria = _only_one(x for x in found if isinstance(x, Criterion))
     effects = _only_one(x for x in found if isinstance(x, Effect))
     claims = tuple(_claim(told, criteria) for told in words.get("claim", ()))

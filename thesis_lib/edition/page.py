@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from IPython.core.getipython import get_ipython
 from IPython.display import display
 from threadpoolctl import threadpool_limits
 
@@ -31,6 +32,9 @@ from thesis_lib.edition.plots import use_style
 
 #: First line of the cell in which papermill assigns the parameters it was given.
 _INJECTED = "# Parameters"
+
+#: What papermill adds by itself when asked to (``--inject-paths`` and its like).
+_OF_PAPERMILL = ("PAPERMILL_INPUT_PATH", "PAPERMILL_OUTPUT_PATH")
 
 #: Environment variable by which the build says where tables go.
 RESULTS_VARIABLE = "THESIS_RESULTS"
@@ -211,7 +215,7 @@ def _check_injected(history: Iterable[str]) -> None:
     for source in history:
         names = assigned_names(source)
         if source.startswith(_INJECTED):
-            check_parameters(names, parameters)
+            check_parameters(names, [*parameters, *_OF_PAPERMILL])
         elif "budget" in names:
             parameters = names
 
@@ -249,6 +253,9 @@ def start(namespace: Mapping[str, Any], chapter: ModuleType | None = None) -> Pa
     for variable in _THREAD_VARIABLES:  # for libraries and processes that start later
         os.environ[variable] = "1"
     threadpool_limits(limits=1)  # for libraries that are loaded already
+    if (shell := get_ipython()) is not None:
+        # MPLBACKEND, as containers and clusters set it, would draw every figure to nowhere.
+        shell.run_line_magic("matplotlib", "inline")
     use_style()
 
     kind, title, text = _BANNERS[page.budget]

@@ -22,11 +22,12 @@ PRINTED = "#000000"
 
 
 def use_style() -> None:
-    """Set matplotlib's defaults for the book's figures.
+    """Set matplotlib's defaults for the book's figures, whatever a user's own are.
 
     Figures are opaque white, because a dark theme shows a transparent one as a grey slab, and
     at most 7.2 inches wide at 144 dots an inch, which is the text column at twice its pixels.
     """
+    mpl.rcdefaults()
     mpl.rcParams.update(
         {
             "figure.figsize": (7.2, 3.6),
