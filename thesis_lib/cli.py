@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import errno
+import io
 import os
 import shlex
+import signal
 import sys
 import textwrap
+import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -185,14 +189,14 @@ class Train:
                 any_version=self.any_version,
                 report=report,
             )
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as stop:
             good = read_checkpoint(folder)["iteration"]
             print(
                 f"\nthesis: interrupted; the last checkpoint, of iteration {good}, is in {folder}: "
                 "give the same command again to go on from it.",
                 file=sys.stderr,
             )
-            return 130
+            return _status(stop)
         curve = run.curve
         minutes, seconds = divmod(round(time.perf_counter() - started), 60)
         print(
@@ -333,13 +337,13 @@ class Sweep:
                 any_version=self.any_version,
                 report=report,
             )
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as stop:
             print(
                 f"\nthesis: interrupted; the runs are kept in {runs}: give the same command again "
                 "to go on from their last checkpoints.",
                 file=sys.stderr,
             )
-            return 130
+            return _status(stop)
         table = sweeps.summary(sweeps.merged(configs, runs))
         same = [c for c in sweeps.GRID_COLUMNS if c != "task" and table[c].nunique() == 1]
         print(_text(table.drop(columns=same), most=len(table)))
@@ -422,9 +426,43 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """What the system says when a disk, a quota or a limit of size leaves no room."""
 
 
+def _status(stop: KeyboardInterrupt) -> int:
+    """Exit status after an interrupt, as shells count: 128 and the signal's number."""
+    return 128 + next(iter(stop.args), signal.SIGINT)
+
+
+@contextmanager
+def _manners() -> Iterator[None]:
+    """Stop on SIGTERM and SIGHUP as on Ctrl-C, and print on any terminal what it can show."""
+
+    def interrupt(number: int, frame: Any) -> None:
+        raise KeyboardInterrupt(number)
+
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    before: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            # One that is ignored, as SIGHUP is under nohup, stays so.
+            if signal.getsignal(number) is signal.SIG_DFL:
+                before[number] = signal.signal(number, interrupt)
+    try:
+        yield
+    finally:
+        for replaced, handler in before.items():
+            signal.signal(replaced, handler)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of the command ``thesis``; returns the exit status."""
     arguments = list(sys.argv[1:] if argv is None else argv)
+    with _manners():
+        return _main(arguments)
+
+
+def _main(arguments: list[str]) -> int:
+    """Carry out a command line; every failure that is foreseen is one sentence."""
     try:
         if arguments[:1] == ["run"] and len(arguments) > 2 and {"-h", "--help"} & set(arguments):
             named = next((a for a in arguments[1:] if not a.startswith("-")), None)
@@ -455,18 +493,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        if error.errno not in FULL:
-            raise
         where = f" {error.filename!r}" if error.filename else ""
-        print(
-            f"thesis: cannot write{where} ({error.strerror}): make room and give the command "
-            "again; no file was left half written.",
-            file=sys.stderr,
-        )
+        if error.errno in FULL:
+            way_out = "make room and give the command again; no file was left half written"
+        elif error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+            way_out = "work in a copy that you may write to, or choose where to with --out"
+        else:
+            way_out = "see to it and give the command again"
+        print(f"thesis: cannot use{where} ({error.strerror}): {way_out}.", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stop:
         print("thesis: interrupted; no file was left half written.", file=sys.stderr)
-        return 130
+        return _status(stop)
 
 
 if __name__ == "__main__":
