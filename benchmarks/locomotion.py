@@ -41,8 +41,8 @@ import mujoco.batch
 import numpy as np
 
 from thesis_lib.locomotion import TASKS, BatchTask
-from thesis_lib.locomotion.envs import HILL_DIFFICULTY
 from thesis_lib.locomotion.terrain import hill_maps, hills
+from thesis_lib.registration import HILL_DIFFICULTY
 
 SECONDS = 0.6
 """How long one measurement should last."""

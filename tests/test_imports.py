@@ -16,6 +16,7 @@ LAYERS = (
         "checkout",
         "compiled",
         "imports",
+        "registration",
         "stats",
         "mdp",
         "domains",

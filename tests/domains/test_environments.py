@@ -66,5 +66,5 @@ def test_bad_tasks_are_one_sentence():
         gymnasium.make("thesis/Triangle-v0", task=12)
     with pytest.raises(ValueError, match="task is 'first'"):
         make("Triangle", "first")
-    with pytest.raises(ValueError, match="domain is 'Maze', but it must be one of EpisodicCliff"):
+    with pytest.raises(ValueError, match="domain 'Maze' does not exist: choose one of Epi"):
         make("Maze")

@@ -676,7 +676,7 @@ def test_planar_robots_stay_in_their_plane(name):
         ({"n_worlds": 0}, "n_worlds is 0, but must be a whole number of at least 1"),
         ({"n_worlds": -3}, "n_worlds is -3"),
         ({"n_worlds": 2.5}, "n_worlds is 2.5"),
-        ({"task": "Snake"}, "There is no robot 'Snake'"),
+        ({"task": "Snake"}, "robot 'Snake' does not exist"),
         ({"threads": -1}, "threads is -1"),
         ({"max_episode_steps": 0}, "max_episode_steps is 0"),
         ({"bad_actions": "ignore"}, "bad_actions is 'ignore'"),

@@ -12,8 +12,9 @@ from gymnasium.vector import AutoresetMode
 
 from thesis_lib.locomotion import perturbations, rendering, robots, terrain
 from thesis_lib.locomotion.batch import BatchTask
-from thesis_lib.locomotion.envs import LocomotionEnv, register
-from thesis_lib.locomotion.tasks import TASKS, make_task
+from thesis_lib.locomotion.envs import LocomotionEnv
+from thesis_lib.locomotion.tasks import HORIZON, TASKS, make_task
+from thesis_lib.registration import register
 
 IDS = [f"thesis/{name}{suffix}-v0" for name in TASKS for suffix in ("", "Hill")]
 
@@ -40,7 +41,7 @@ def actions_for(env, steps, seed=0):
 
 @pytest.mark.parametrize("env_id", IDS)
 def test_registered_with_the_training_horizon(env_id):
-    assert gymnasium.spec(env_id).max_episode_steps == 500
+    assert gymnasium.spec(env_id).max_episode_steps == HORIZON
 
 
 def test_the_id_may_name_the_module_to_import():
@@ -342,7 +343,7 @@ def test_bad_options(arguments, message):
 
 
 def test_bad_robot_comes_before_its_terrain():
-    with pytest.raises(ValueError, match="There is no robot 'Snake'"):
+    with pytest.raises(ValueError, match="robot 'Snake' does not exist"):
         LocomotionEnv("Snake", difficulty=-1.0)
 
 

@@ -333,7 +333,7 @@ def test_edits_come_last_and_in_order():
 
 @pytest.mark.parametrize("bad", ["Humanoid", "hopper", ""])
 def test_unknown_robot(bad):
-    with pytest.raises(ValueError, match=r"There is no robot .*Swimmer, Hopper, HalfCheetah"):
+    with pytest.raises(ValueError, match=r"robot .* does not exist.*Swimmer, Hopper, HalfCheetah"):
         robots.build_spec(bad)
 
 

@@ -248,7 +248,7 @@ def test_start_configuration_is_inside_the_limits(name):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"name": "Humanoid"}, "There is no robot 'Humanoid'"),
+        ({"name": "Humanoid"}, "robot 'Humanoid' does not exist"),
         (
             {"name": "Ant", "reading": "thesis"},
             "no reading 'thesis'; choose 'code', 'text' or 'duan'",

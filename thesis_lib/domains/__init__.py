@@ -1,12 +1,8 @@
-"""The domains of chapters 3 and 4 and appendix A, each a :class:`Domain`.
-
-Importing this package registers the Gymnasium environments ``thesis/...``.
-"""
+"""The domains of chapters 3 and 4 and appendix A, each a :class:`Domain`."""
 
 from thesis_lib.domains.appendix_a import figure_a1, figure_a2, figure_a3
 from thesis_lib.domains.cliff import continuing_cliff, episodic_cliff
 from thesis_lib.domains.domain import Domain
-from thesis_lib.domains.environments import register
 from thesis_lib.domains.stock import StockMDP, stock
 from thesis_lib.domains.triangle import triangle
 
@@ -21,5 +17,3 @@ __all__ = [
     "stock",
     "triangle",
 ]
-
-register()

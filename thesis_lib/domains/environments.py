@@ -1,6 +1,6 @@
 """The tasks of the domains as Gymnasium environments.
 
-Importing :mod:`thesis_lib.domains` registers ``thesis/EpisodicCliff-v0``,
+Importing :mod:`thesis_lib` registers ``thesis/EpisodicCliff-v0``,
 ``thesis/ContinuingCliff-v0``, ``thesis/Triangle-v0``, ``thesis/Stock-v0``,
 ``thesis/AppendixA1-v0``, ``thesis/AppendixA2-v0`` and ``thesis/AppendixA3-v0``, and the
 continuous ``thesis/Heat-v0`` (:class:`~thesis_lib.domains.heat_environment.HeatEnv`).  A
@@ -9,7 +9,7 @@ makes the domain::
 
     gymnasium.make("thesis/Stock-v0", task=5, sectors=1, stocks=2, global_factors=3)
 
-Without an import, ``gymnasium.make("thesis_lib.domains:thesis/Stock-v0")`` does the same.
+Without an import, ``gymnasium.make("thesis_lib:thesis/Stock-v0")`` does the same.
 """
 
 from __future__ import annotations
@@ -18,15 +18,13 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any
 
-import gymnasium
-
 from thesis_lib.domains.appendix_a import figure_a1, figure_a2, figure_a3
 from thesis_lib.domains.cliff import continuing_cliff, episodic_cliff
 from thesis_lib.domains.domain import Domain
 from thesis_lib.domains.stock import stock
 from thesis_lib.domains.triangle import triangle
-from thesis_lib.mdp.checks import one_of
 from thesis_lib.mdp.environment import Observation, TabularEnv
+from thesis_lib.registration import find
 
 DOMAINS: Mapping[str, Callable[..., Domain]] = MappingProxyType(
     {
@@ -55,7 +53,8 @@ def make(
     Parameters
     ----------
     domain
-        A key of :data:`DOMAINS`.
+        A key of :data:`DOMAINS`, or the name of one that an installed package offers
+        (:mod:`thesis_lib.registration`).
     task
         Index of the task in the domain.
     observation
@@ -74,25 +73,9 @@ def make(
     ValueError
         When there is no such domain or task.
     """
-    made = DOMAINS[one_of("domain", domain, tuple(DOMAINS))](**options)
+    made = find("domain", domain, DOMAINS)(**options)
     if isinstance(task, bool) or not isinstance(task, int) or not 0 <= task < len(made):
         raise ValueError(
             f"task is {task!r}, but domain {made.name!r} has tasks 0 to {len(made) - 1}."
         )
     return TabularEnv(made.tasks[task], observation=observation, render_mode=render_mode)
-
-
-def register() -> None:
-    """Enter the environments in Gymnasium's registry, once."""
-    for name in DOMAINS:
-        env_id = f"thesis/{name}-v0"
-        if env_id not in gymnasium.registry:
-            gymnasium.register(
-                id=env_id,
-                entry_point="thesis_lib.domains.environments:make",
-                kwargs={"domain": name},
-            )
-    if "thesis/Heat-v0" not in gymnasium.registry:
-        gymnasium.register(
-            id="thesis/Heat-v0", entry_point="thesis_lib.domains.heat_environment:HeatEnv"
-        )

@@ -25,6 +25,7 @@ from thesis_lib.locomotion.tasks import TEST_HORIZON, Termination
 from thesis_lib.locomotion.terrain import hill_maps
 from thesis_lib.optimisation import run_episodes
 from thesis_lib.policies import GaussianPolicy
+from thesis_lib.registration import find
 from thesis_lib.stats import mean_ci
 
 FILM_FORMATS = (".webp", ".gif", ".png")
@@ -204,14 +205,14 @@ def parse_perturbation(text: str) -> Perturbation:
     Parameters
     ----------
     text
-        A name of :func:`known_perturbations`, with its fields as keywords, or alone.
+        A name of :func:`known_perturbations` or one that an installed package offers
+        (:mod:`thesis_lib.registration`), with its fields as keywords, or alone.
 
     Raises
     ------
     ValueError
         When the name or a field does not exist, or a value is out of range.
     """
-    known = known_perturbations()
     try:
         tree = ast.parse(text.strip(), mode="eval").body
         name, given = (tree.func, tree.keywords) if isinstance(tree, ast.Call) else (tree, [])
@@ -223,11 +224,7 @@ def parse_perturbation(text: str) -> Perturbation:
             f"{text!r} is not a perturbation: write a name with its fields as keywords, such as "
             "WhiteNoise(sigma=1.0, onset=100)."
         ) from error
-    if name.id not in known:
-        raise ValueError(
-            f"perturbation {name.id!r} does not exist: choose one of {', '.join(sorted(known))}."
-        )
-    kind = known[name.id]
+    kind = find("perturbation", name.id, known_perturbations())
     fields = [f.name for f in dataclasses.fields(kind)]  # type: ignore[arg-type]
     for field in values:
         if field not in fields:

@@ -1,10 +1,7 @@
-"""The worlds of chapter 5: robots, tasks, terrain, perturbations, and many of them at once.
-
-Importing this package registers the Gymnasium environments ``thesis/...``.
-"""
+"""The worlds of chapter 5: robots, tasks, terrain, perturbations, and many of them at once."""
 
 from thesis_lib.locomotion.batch import BatchTask, Step
-from thesis_lib.locomotion.envs import LocomotionEnv, LocomotionVectorEnv, register
+from thesis_lib.locomotion.envs import LocomotionEnv, LocomotionVectorEnv
 from thesis_lib.locomotion.robots import ROBOTS, Robot
 from thesis_lib.locomotion.tasks import TASKS, Task, make_task
 
@@ -19,5 +16,3 @@ __all__ = [
     "Task",
     "make_task",
 ]
-
-register()

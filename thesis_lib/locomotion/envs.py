@@ -1,6 +1,6 @@
 """The tasks of section 5.1 as Gymnasium environments.
 
-Importing :mod:`thesis_lib.locomotion` registers ``thesis/Swimmer-v0``, ``thesis/Hopper-v0``,
+Importing :mod:`thesis_lib` registers ``thesis/Swimmer-v0``, ``thesis/Hopper-v0``,
 ``thesis/HalfCheetah-v0``, ``thesis/Walker2d-v0`` and ``thesis/Ant-v0``, and on hills of
 difficulty 0.5 ``thesis/SwimmerHill-v0`` to ``thesis/AntHill-v0``.  ``gymnasium.make`` gives
 one world; ``gymnasium.make_vec`` gives many, stepped together by
@@ -32,16 +32,13 @@ from thesis_lib.locomotion.perturbations import (
 )
 from thesis_lib.locomotion.rendering import Renderer
 from thesis_lib.locomotion.robots import Ground
-from thesis_lib.locomotion.tasks import HORIZON, TASKS, Reading, Task, Termination, make_task
+from thesis_lib.locomotion.tasks import HORIZON, Reading, Task, Termination, make_task
 from thesis_lib.locomotion.terrain import hill_maps
 
 Image = NDArray[np.uint8]
 
 OBSERVATION_BOUND = 1e6
 """Bound of the observation space, as in the author's code; nothing is clipped to it."""
-
-HILL_DIFFICULTY = 0.5
-"""Difficulty of the hills that controllers are trained on (section 5.4)."""
 
 
 @dataclass(frozen=True)
@@ -524,18 +521,3 @@ def _options(robot: str, options: dict[str, Any]) -> TaskOptions:
 
 def _metadata(task: Task) -> dict[str, Any]:
     return {"render_modes": ["rgb_array"], "render_fps": round(1 / task.robot.control_dt)}
-
-
-def register() -> None:
-    """Enter the environments in Gymnasium's registry, once."""
-    for name in TASKS:
-        for suffix, kwargs in (("", {}), ("Hill", {"difficulty": HILL_DIFFICULTY})):
-            env_id = f"thesis/{name}{suffix}-v0"
-            if env_id not in gymnasium.registry:
-                gymnasium.register(
-                    id=env_id,
-                    entry_point="thesis_lib.locomotion.envs:LocomotionEnv",
-                    vector_entry_point="thesis_lib.locomotion.envs:LocomotionVectorEnv",
-                    max_episode_steps=HORIZON,
-                    kwargs={"robot": name, **kwargs},
-                )

@@ -19,6 +19,7 @@ import mujoco
 import numpy as np
 
 from thesis_lib.arrays import FloatArray
+from thesis_lib.registration import find
 
 SpecEdit = Callable[[mujoco.MjSpec], None]
 
@@ -77,6 +78,29 @@ class Ground(Protocol):
 
 
 @dataclass(frozen=True)
+class Limits:
+    """Bounds outside which an episode ends.
+
+    Attributes
+    ----------
+    low, high
+        Bounds on the height coordinate in metres, absolute, on hills too.
+    pitch
+        Bound on the absolute pitch in radians.
+    closed
+        Whether a height exactly on a bound is still inside.
+    state
+        Bound on the absolute value of joint angles and of all velocities.
+    """
+
+    low: float = -np.inf
+    high: float = np.inf
+    pitch: float = np.inf
+    closed: bool = False
+    state: float = np.inf
+
+
+@dataclass(frozen=True)
 class Robot:
     """One robot: the Gymnasium model it starts from and how the thesis's differs.
 
@@ -85,7 +109,8 @@ class Robot:
     name
         Its name, a key of :data:`ROBOTS`.
     xml
-        File name among Gymnasium's MuJoCo models.
+        File name among Gymnasium's MuJoCo models, or the whole path of another; its robot
+        is a body called ``torso`` and its ground a geom called ``floor``.
     timestep
         Physics timestep in seconds.
     integrator
@@ -107,6 +132,8 @@ class Robot:
     height_index, pitch_index
         Where ``qpos`` holds the height in metres and the pitch in radians; None if the
         robot has no such coordinate.
+    limits
+        What ends an episode, for robots that are not the thesis's; None for nothing.
     """
 
     name: str
@@ -122,6 +149,7 @@ class Robot:
     init_qpos: tuple[float, ...]
     height_index: int | None
     pitch_index: int | None
+    limits: Limits | None = None
 
     @property
     def control_dt(self) -> float:
@@ -251,9 +279,7 @@ def get_robot(name: str) -> Robot:
     ValueError
         If there is no such robot.
     """
-    if name not in ROBOTS:
-        raise ValueError(f"There is no robot {name!r}; the robots are {', '.join(ROBOTS)}.")
-    return ROBOTS[name]
+    return find("robot", name, ROBOTS)
 
 
 def _edit_swimmer(spec: mujoco.MjSpec) -> None:

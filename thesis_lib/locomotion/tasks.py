@@ -16,7 +16,8 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from thesis_lib.arrays import BoolArray, FloatArray
-from thesis_lib.locomotion.robots import ROBOTS, Robot, get_robot
+from thesis_lib.locomotion.robots import ROBOTS, Limits, Robot, get_robot
+from thesis_lib.registration import HORIZON as HORIZON
 
 Reading = Literal["code", "text", "duan"]
 """Whose word is followed where they differ: the author's code, the thesis's text, or Duan et al."""
@@ -29,9 +30,6 @@ RESET_POSITION_NOISE = 0.01
 
 RESET_VELOCITY_NOISE = 0.1
 """Standard deviation of the noise on every entry of ``qvel`` at a reset, in m/s or rad/s."""
-
-HORIZON = 500
-"""Control steps in a training episode."""
 
 TEST_HORIZON = 1000
 """Control steps in a test run (section 5.4)."""
@@ -105,29 +103,6 @@ class Reward(NamedTuple):
     control: FloatArray
     contact: FloatArray
     alive: FloatArray
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Bounds outside which an episode ends.
-
-    Attributes
-    ----------
-    low, high
-        Bounds on the height coordinate in metres, absolute, on hills too.
-    pitch
-        Bound on the absolute pitch in radians.
-    closed
-        Whether a height exactly on a bound is still inside.
-    state
-        Bound on the absolute value of joint angles and of all velocities.
-    """
-
-    low: float = -np.inf
-    high: float = np.inf
-    pitch: float = np.inf
-    closed: bool = False
-    state: float = np.inf
 
 
 class _Block(NamedTuple):
@@ -223,6 +198,9 @@ def _blocks(robot: Robot, observation: Reading) -> tuple[_Block, ...]:
         return (*_planar_root(robot, skip=0), _COM)
     if robot.name == "Walker2d":
         return (*_planar_root(robot, skip=-1), _COM)
+    if robot.name != "Ant":
+        root = _free_root(robot) if robot.pitch_index is None else _planar_root(robot, skip=-1)
+        return (*root, _COM)
     contacts = tuple(
         Sensor(f"contact {body} {what} {axis}", unit, "contact force")
         for body in _ANT_BODIES
@@ -440,7 +418,9 @@ def make_task(
     Parameters
     ----------
     name
-        A robot: Swimmer, Hopper, HalfCheetah, Walker2d or Ant.
+        A robot: Swimmer, Hopper, HalfCheetah, Walker2d or Ant, or one that an installed
+        package offers (:mod:`thesis_lib.registration`), which sees its positions,
+        velocities and centre of mass.
     reading
         ``"code"``: the author's published code.  ``"text"``: the thesis's text, which
         differs in the half-cheetah's control cost (0.005, not 0.05) and in the swimmer's
@@ -483,7 +463,9 @@ def make_task(
         contact_cost=5e-4 if name == "Ant" else 0.0,
         alive_bonus=float(alive_bonus),
         termination=termination,
-        limits=None if termination == "never" else _LIMITS[name][termination],
+        limits=(
+            None if termination == "never" else _LIMITS.get(name, {}).get(termination, robot.limits)
+        ),
     )
 
 

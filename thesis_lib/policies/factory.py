@@ -13,6 +13,7 @@ from thesis_lib.policies.echo_state import ESN
 from thesis_lib.policies.feedforward import FeedforwardPolicy
 from thesis_lib.policies.gated import GRU, LSTM
 from thesis_lib.policies.vanilla import CTRNN, DTRNN
+from thesis_lib.registration import find
 
 DEEP = (100, 50, 25)
 """Hidden layers of DFFWD, those of Duan et al."""
@@ -106,7 +107,8 @@ def make_policy(
     Parameters
     ----------
     architecture
-        A name of :data:`ARCHITECTURES`.
+        A name of :data:`ARCHITECTURES`, or one that an installed package offers
+        (:mod:`thesis_lib.registration`).
     observation_size, action_size
         Sizes of the task's observations and actions.
     dt
@@ -135,11 +137,7 @@ def make_policy(
     """
     if not (math.isfinite(head_scale) and head_scale >= 0):
         raise ValueError(f"head_scale is {head_scale}, but it must be a number from 0 on.")
-    if architecture not in ARCHITECTURES:
-        raise ValueError(
-            f"architecture {architecture!r} does not exist: choose one of "
-            f"{', '.join(ARCHITECTURES)}."
-        )
+    make = find("architecture", architecture, ARCHITECTURES)
     chosen = check_features(features, observation_size)
     seen = observation_size if chosen is None else len(chosen)
     if units is not None and architecture in DEEP_NETS:
@@ -152,7 +150,7 @@ def make_policy(
     if units < 1:
         raise ValueError(f"units is {units}, but at least 1 hidden unit is needed.")
     try:
-        policy = ARCHITECTURES[architecture](
+        policy = make(
             observation_size,
             action_size,
             units=units,

@@ -1,0 +1,167 @@
+"""Environments by id, and what an installed package adds to the library by its entry points."""
+
+import subprocess
+import sys
+from importlib.resources import files
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+
+from thesis_lib import registration
+from thesis_lib.domains import environments
+from thesis_lib.experiments.evaluation import parse_perturbation
+from thesis_lib.locomotion import BatchTask, robots
+from thesis_lib.policies import make_policy
+
+PACKAGE = """
+from dataclasses import dataclass, replace
+from thesis_lib.domains import Domain, triangle
+from thesis_lib.locomotion.batch import Effect, Perturbation
+from thesis_lib.locomotion.robots import ROBOTS, Limits
+from thesis_lib.policies import FeedforwardPolicy
+
+def two_triangles(discount=0.9):
+    whole = triangle(discount=discount)
+    return Domain("two triangles", tuple(whole.tasks[:2]))
+
+def linear(observation_size, action_size, *, units, dt, **options):
+    return FeedforwardPolicy(observation_size, action_size, hidden=(), **options)
+
+@dataclass(frozen=True)
+class Tailwind(Perturbation):
+    newton: float = 1.0
+    onset: int = 0
+    def attach(self, context):
+        return Blow(self.newton)
+
+class Blow(Effect):
+    def __init__(self, newton):
+        self.newton = newton
+    def on_force(self, t, xfrc_applied, worlds):
+        xfrc_applied[worlds, 1, 0] += self.newton
+
+POGO = replace(
+    ROBOTS["Hopper"], name="Pogo", xml=XML, limits=Limits(low=0.9)
+)
+"""
+ENTRY_POINTS = """
+[thesis_lib.domains]
+TwoTriangles = my_package:two_triangles
+[thesis_lib.architectures]
+linear = my_package:linear
+ffwd = my_package:linear
+broken = my_package:absent
+[thesis_lib.perturbations]
+Tailwind = my_package:Tailwind
+[thesis_lib.robots]
+Pogo = my_package:POGO
+"""
+
+
+def install(folder: Path, name: str, entry_points: str) -> None:
+    """What an installer leaves behind that Python looks for."""
+    info = folder / f"{name}-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(entry_points)
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    xml = tmp_path / "pogo.xml"
+    xml.write_text(files("gymnasium").joinpath("envs/mujoco/assets/hopper.xml").read_text())
+    (tmp_path / "my_package.py").write_text(PACKAGE.replace("XML", repr(str(xml)), 1))
+    install(tmp_path, "my_package", ENTRY_POINTS)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    before = set(gymnasium.registry)
+    registration.register()
+    yield tmp_path
+    for added in set(gymnasium.registry) - before:
+        del gymnasium.registry[added]
+    sys.modules.pop("my_package", None)
+
+
+def test_the_names_are_those_of_the_library():
+    assert tuple(environments.DOMAINS) == registration.DOMAINS
+    assert tuple(robots.ROBOTS) == registration.ROBOTS
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        "import gymnasium, thesis_lib; make = gymnasium.make; name = 'thesis/Hopper-v0'",
+        "from gymnasium import make; name = 'thesis_lib:thesis/Hopper-v0'",
+    ],
+)
+def test_import_of_the_package_is_enough(program):
+    check = (
+        "; import sys; assert 'mujoco' not in sys.modules; print(make(name).reset(seed=0)[0].shape)"
+    )
+    done = subprocess.run([sys.executable, "-c", program + check], capture_output=True, text=True)
+    assert done.stdout.strip() == "(20,)", done.stderr
+
+
+def test_every_id_makes_an_environment():
+    ids = [name for name in gymnasium.registry if name.startswith("thesis/")]
+    assert len(ids) == len(environments.DOMAINS) + 1 + 2 * len(robots.ROBOTS)
+    for name in ids:
+        env = gymnasium.make(name)
+        observation, _ = env.reset(seed=0)
+        assert env.observation_space.contains(observation)
+
+
+def test_a_domain_of_ones_own(package):
+    env = gymnasium.make("thesis/TwoTriangles-v0", task=1, discount=0.5)
+    assert env.unwrapped.mdp.discount == 0.5
+    with pytest.raises(ValueError, match="domain 'two triangles' has tasks 0 to 1"):
+        gymnasium.make("thesis/TwoTriangles-v0", task=2)
+
+
+def test_an_architecture_of_ones_own(package):
+    policy = make_policy("linear", 4, 2, dt=0.1, seed=1)
+    assert policy.architecture == "linear"
+    assert policy.n_trainable == 4 * 2 + 2 + 2  # weights, biases, log deviations
+    with pytest.raises(ValueError, match=r"architecture 'cubic' does not exist.*, linear"):
+        make_policy("cubic", 4, 2, dt=0.1)
+
+
+def test_what_is_built_in_keeps_its_name(package):
+    assert make_policy("ffwd", 4, 2, dt=0.1).n_trainable == 4 * 6 + 6 + 6 * 2 + 2 + 2
+
+
+def test_a_perturbation_of_ones_own(package):
+    wind = parse_perturbation("Tailwind(newton=30.0)")
+    pushed, left = (BatchTask("Hopper", 1, perturbations=p) for p in ((wind,), ()))
+    for task in (pushed, left):
+        task.reset()
+        for _ in range(5):
+            task.step(np.zeros((1, 3)))
+    # v = F t / m, while nothing else pushes along x
+    gained = (pushed.com - left.com)[0, 0]
+    mass, time = robots.total_mass(left.model), 5 * left.task.robot.control_dt
+    assert gained == pytest.approx(0.5 * 30.0 / mass * time**2, rel=0.25)
+
+
+def test_a_robot_of_ones_own(package):
+    env = gymnasium.make("thesis/Pogo-v0")
+    observation, _ = env.reset(seed=0)
+    names = env.unwrapped.task.sensor_names
+    assert observation.shape == (len(names),) == (6 + 6 + 3,)
+    assert names[:3] == ("z", "x", "pitch")
+    env.unwrapped.set_state([0.0, 0.85, 0.0, 0.0, 0.0, 0.0], np.zeros(6))
+    assert env.step(np.zeros(3))[2]
+    with pytest.raises(ValueError, match="robot"):
+        gymnasium.make("thesis/Pogo-v0", difficulty=0.5)
+
+
+def test_a_package_that_cannot_be_loaded_is_named(package):
+    with pytest.raises(ImportError, match="architecture 'broken' is offered as my_package:absent"):
+        make_policy("broken", 4, 2, dt=0.1)
+
+
+def test_two_packages_with_one_name_are_refused(package):
+    install(package, "other", "[thesis_lib.architectures]\nlinear = other:linear\n")
+    with pytest.raises(ValueError, match=r"'linear' is offered as (my_package|other):linear"):
+        make_policy("linear", 4, 2, dt=0.1)

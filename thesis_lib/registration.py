@@ -1,0 +1,144 @@
+"""Gymnasium's ids for what is here, and the names by which other packages join in.
+
+*Environments.*  ``import thesis_lib`` enters them in Gymnasium's registry by name alone, so
+that ``gymnasium.make("thesis/Hopper-v0")`` works; without the import,
+``gymnasium.make("thesis_lib:thesis/Hopper-v0")`` does the same.  There is an id for every
+domain of chapters 3 and 4 and appendix A (:mod:`thesis_lib.domains.environments`), for every
+robot of chapter 5 and each of them on hills (:mod:`thesis_lib.locomotion.envs`), and for what
+installed packages offer.
+
+*Offers.*  A package offers an object under a name by an entry point, for instance in its
+``pyproject.toml``::
+
+    [project.entry-points."thesis_lib.architectures"]
+    my-net = "my_package.nets:MyNet"
+
+The groups, and what stands behind the name:
+
+``thesis_lib.architectures``
+    A callable ``(observation_size, action_size, *, units, dt, seed, features, dtype,
+    **options)`` that returns a :class:`~thesis_lib.policies.GaussianPolicy`; every function
+    that takes the name of an architecture then takes this one.
+``thesis_lib.domains``
+    A callable ``(**options)`` that returns a :class:`~thesis_lib.domains.Domain`; its tasks
+    are ``gymnasium.make("thesis/NAME-v0", task=0, **options)``.
+``thesis_lib.robots``
+    A :class:`~thesis_lib.locomotion.Robot`; it is ``gymnasium.make("thesis/NAME-v0")`` and the
+    task ``make_task("NAME")``.
+``thesis_lib.perturbations``
+    A frozen dataclass that is a :class:`~thesis_lib.locomotion.batch.Perturbation`; tests of
+    policies write it as ``NAME(field=value)``.
+
+What is built in keeps its name: installing a package changes no result of the thesis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Literal, TypeVar
+
+import gymnasium
+
+Kind = Literal["architecture", "domain", "robot", "perturbation"]
+T = TypeVar("T")
+
+DOMAINS = (
+    *("EpisodicCliff", "ContinuingCliff", "Triangle", "Stock"),
+    *("AppendixA1", "AppendixA2", "AppendixA3"),
+)
+"""Names of the domains whose tasks are environments."""
+
+ROBOTS = ("Swimmer", "Hopper", "HalfCheetah", "Walker2d", "Ant")
+"""Names of the robots, in the order of table 5.2."""
+
+HORIZON = 500
+"""Control steps in a training episode (Duan et al.)."""
+
+HILL_DIFFICULTY = 0.5
+"""Difficulty of the hills that controllers are trained on (section 5.4)."""
+
+
+def offers(kind: Kind) -> dict[str, EntryPoint]:
+    """What installed packages offer, by name; nothing is loaded yet.
+
+    Raises
+    ------
+    ValueError
+        When two packages offer the same name.
+    """
+    found: dict[str, EntryPoint] = {}
+    for point in entry_points(group=f"thesis_lib.{kind}s"):
+        other = found.setdefault(point.name, point)
+        if other.value != point.value:
+            raise ValueError(
+                f"{kind} {point.name!r} is offered as {other.value} and as {point.value}; remove "
+                "one of the packages."
+            )
+    return found
+
+
+def find(kind: Kind, name: str, built_in: Mapping[str, T]) -> T:
+    """An object by its name: one of the thesis's, or one that a package offers.
+
+    Parameters
+    ----------
+    kind
+        What it is.
+    name
+        Its name.
+    built_in
+        Those of the thesis, which have precedence.
+
+    Raises
+    ------
+    ValueError
+        When there is none of that name; the message names those there are.
+    ImportError
+        When the package's object can't be loaded.
+    """
+    if name in built_in:
+        return built_in[name]
+    offered = offers(kind)
+    if name not in offered:
+        raise ValueError(
+            f"{kind} {name!r} does not exist: choose one of {', '.join([*built_in, *offered])}."
+        )
+    try:
+        found: T = offered[name].load()
+    except Exception as error:
+        raise ImportError(
+            f"{kind} {name!r} is offered as {offered[name].value}, which can't be loaded "
+            f"({type(error).__name__}: {error}); mend or remove that package."
+        ) from error
+    return found
+
+
+def register() -> None:
+    """Enter the environments in Gymnasium's registry, once."""
+    for name in (*DOMAINS, *offers("domain")):
+        _enter(name, "thesis_lib.domains.environments:make", domain=name)
+    _enter("Heat", "thesis_lib.domains.heat_environment:HeatEnv")
+    for name in (*ROBOTS, *offers("robot")):
+        _enter_robot(name, robot=name)
+    for name in ROBOTS:
+        _enter_robot(f"{name}Hill", robot=name, difficulty=HILL_DIFFICULTY)
+
+
+def _enter_robot(name: str, **kwargs: Any) -> None:
+    envs = "thesis_lib.locomotion.envs"
+    _enter(name, f"{envs}:LocomotionEnv", f"{envs}:LocomotionVectorEnv", HORIZON, **kwargs)
+
+
+def _enter(
+    name: str, one: str, many: str | None = None, horizon: int | None = None, **kwargs: Any
+) -> None:
+    env_id = f"thesis/{name}-v0"
+    if env_id not in gymnasium.registry:
+        gymnasium.register(
+            env_id,
+            entry_point=one,
+            vector_entry_point=many,
+            max_episode_steps=horizon,
+            kwargs=kwargs,
+        )
