@@ -17,7 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from thesis_lib.experiments.training import TrainConfig, Training, use_one_thread
+from thesis_lib.training.config import TrainConfig
+from thesis_lib.training.run import Training
+from thesis_lib.training.train import use_one_thread
 
 TARGET_RATE = 20_000
 TARGET_MEMORY = 3.0

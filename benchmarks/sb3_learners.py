@@ -45,9 +45,10 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
 from thesis_lib.edition.experiment import environment, replacing
-from thesis_lib.experiments.training import TrainConfig, train
 from thesis_lib.policies import make_policy
 from thesis_lib.stats import welch
+from thesis_lib.training.config import TrainConfig
+from thesis_lib.training.train import train
 
 SIDES = ("ours", "linear", "peer")
 BOUNDS = ("nats", "dimension")

@@ -8,12 +8,14 @@ import pytest
 
 from thesis_lib.claims.learning import DIFFERENCES, measured
 from thesis_lib.edition.scoreboard import effect
-from thesis_lib.experiments.sweep import Grid, run_name, write
-from thesis_lib.experiments.training import TrainConfig, train
 from thesis_lib.optimisation import TRPO, Learner, LinearBaseline
 from thesis_lib.optimisation.baseline import CLIP
 from thesis_lib.policies import ARCHITECTURES, make_policy
 from thesis_lib.policies.factory import recurrent_units
+from thesis_lib.training.config import TrainConfig
+from thesis_lib.training.curves import write
+from thesis_lib.training.grid import Grid, run_name
+from thesis_lib.training.train import train
 
 ROWS = {row.id: row for row in DIFFERENCES}
 

@@ -17,15 +17,11 @@ from PIL import Image
 
 from thesis_lib import cli
 from thesis_lib.edition.experiment import load
-from thesis_lib.experiments.evaluation import EvaluateConfig, evaluate
-from thesis_lib.experiments.training import (
-    FILES,
-    TIMING_COLUMNS,
-    Training,
-    read_checkpoint,
-    use_one_thread,
-)
 from thesis_lib.locomotion.rendering import NoGL, choose_backend
+from thesis_lib.training.checkpoint import FILES, read_checkpoint
+from thesis_lib.training.evaluation import EvaluateConfig, evaluate
+from thesis_lib.training.run import TIMING_COLUMNS, Training
+from thesis_lib.training.train import use_one_thread
 
 SMALL = ["--task", "half-cheetah", "--batch-steps", "100", "--horizon", "50"]
 

@@ -14,7 +14,9 @@ LAYERS = (
     {
         "arrays",
         "checkout",
+        "checks",
         "compiled",
+        "files",
         "imports",
         "registration",
         "stats",
@@ -27,12 +29,13 @@ LAYERS = (
     {
         *("potentials", "relevance", "selection", "optimisation", "robustness"),
     },
+    {"training"},
     {"edition"},
     {"experiments"},
     {"claims", "book", "cli"},
 )
 LEVEL = {unit: level for level, units in enumerate(LAYERS) for unit in units}
-EXPERIMENTS = LEVEL["edition"]
+EXPERIMENTS = LEVEL["training"]
 
 FILES = sorted(PACKAGE.rglob("*.py"))
 UNITS = sorted({path.relative_to(PACKAGE).parts[0].removesuffix(".py") for path in FILES})

@@ -1,13 +1,16 @@
-"""The checkout this library runs from, and the commit of it that a result may name."""
+"""The checkout this library runs from, and what a result may say made it: commit and versions."""
 
 from __future__ import annotations
 
 import os
+import platform
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
+from typing import Any
 
-from thesis_lib import IMPORTED
+from thesis_lib import IMPORTED, __version__
 from thesis_lib.imports import PACKAGE
 
 _HOME = Path(__file__).resolve().parents[1]
@@ -37,6 +40,20 @@ def commit() -> str:
     if not tracked or _changed_since_loaded():
         return "unknown"
     return head + ("+" if differing or new else "")
+
+
+def environment() -> dict[str, Any]:
+    """Versions, commit and machine, for provenance."""
+    packages = ("numpy", "scipy", "numba", "torch", "mujoco", "gymnasium", "pandas")
+    return {
+        "python": platform.python_version(),
+        "versions": {
+            "thesis_lib": __version__,
+            **{name: metadata.version(name) for name in packages},
+        },
+        "commit": commit(),
+        "machine": f"{platform.machine()}, {os.cpu_count()} cores",
+    }
 
 
 def _git(*arguments: str) -> str:

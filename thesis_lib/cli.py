@@ -30,31 +30,18 @@ from thesis_lib.edition.experiment import (
     results_directory,
     writable_directory,
 )
-from thesis_lib.experiments import sweep as sweeps
-from thesis_lib.experiments.evaluation import (
-    Disturbances,
-    EvaluateConfig,
-    check_film,
-    evaluate,
-    film,
-    summarised,
-    write,
-)
-from thesis_lib.experiments.evaluation import idle_settings as idle_in_test
-from thesis_lib.experiments.trained import TrainedPolicies
-from thesis_lib.experiments.training import (
-    TerminalReport,
-    TrainConfig,
-    Training,
-    TrainingStopped,
-    default_directory,
-    idle_settings,
-    read_checkpoint,
-    task_name,
-    train,
-    use_one_thread,
-)
 from thesis_lib.locomotion.rendering import NoGL
+from thesis_lib.training import curves
+from thesis_lib.training.checkpoint import read_checkpoint
+from thesis_lib.training.config import TrainConfig, idle_settings, task_name
+from thesis_lib.training.evaluation import Disturbances, EvaluateConfig, evaluate, summarised, write
+from thesis_lib.training.evaluation import idle_settings as idle_in_test
+from thesis_lib.training.film import check_film, film
+from thesis_lib.training.grid import GRID, GRID_COLUMNS, Grid, key, run_name
+from thesis_lib.training.run import Training, TrainingStopped
+from thesis_lib.training.sweep import Outcome, sweep
+from thesis_lib.training.train import TerminalReport, default_directory, train, use_one_thread
+from thesis_lib.training.trained import TrainedPolicies
 
 SettingsT = TypeVar("SettingsT")
 
@@ -290,11 +277,11 @@ class Sweep:
     Given again, it goes on where it was killed.
     """
 
-    grid: Annotated[sweeps.Grid, tyro.conf.arg(name="", constructor=_unchecked(sweeps.Grid))]
+    grid: Annotated[Grid, tyro.conf.arg(name="", constructor=_unchecked(Grid))]
     """Every combination of these."""
     settings: Annotated[
         TrainConfig,
-        tyro.conf.arg(name="", constructor=_unchecked(TrainConfig, sweeps.GRID)),
+        tyro.conf.arg(name="", constructor=_unchecked(TrainConfig, GRID)),
     ]
     """Of all runs."""
     workers: int = 1
@@ -308,17 +295,17 @@ class Sweep:
 
     def __call__(self, command: str = "thesis sweep") -> int:
         """Train what is missing; ``command`` goes into the record."""
-        configs = _checked(sweeps.Grid, self.grid).runs(_checked(TrainConfig, self.settings))
+        configs = _checked(Grid, self.grid).runs(_checked(TrainConfig, self.settings))
         idle = [idle_settings(c) for c in configs]
         _refuse({name: by for name, by in idle[0].items() if all(name in i for i in idle)})
         out = writable_directory(self.out or repository_root() / "_build" / "results" / "sweep")
         runs = self.runs_in or repository_root() / "_build" / "runs" / out.name
         errors: dict[str, str] = {}
 
-        def report(outcome: sweeps.Outcome, ended: int) -> None:
-            name = sweeps.run_name(outcome.config)
+        def report(outcome: Outcome, ended: int) -> None:
+            name = run_name(outcome.config)
             if outcome.error is None:
-                row = sweeps.summary(sweeps.merged([outcome.config], runs)).iloc[0]
+                row = curves.summary(curves.merged([outcome.config], runs)).iloc[0]
                 news = (
                     f"return {row.first_return:.1f} -> {row.last_return:.1f}, "
                     f"{row.wall_seconds:.0f} s"
@@ -327,10 +314,10 @@ class Sweep:
                 errors[name] = outcome.error
                 news = f"FAILED: {outcome.error}"
             print(f"[{ended}/{len(configs)}] {name}: {news}", flush=True)
-            sweeps.write(configs, runs, out, command=command, errors=errors)
+            curves.write(configs, runs, out, command=command, errors=errors)
 
         try:
-            sweeps.sweep(
+            sweep(
                 configs,
                 runs,
                 workers=self.workers,
@@ -344,11 +331,11 @@ class Sweep:
                 file=sys.stderr,
             )
             return _status(stop)
-        table = sweeps.summary(sweeps.merged(configs, runs))
-        same = [c for c in sweeps.GRID_COLUMNS if c != "task" and table[c].nunique() == 1]
+        table = curves.summary(curves.merged(configs, runs))
+        same = [c for c in GRID_COLUMNS if c != "task" and table[c].nunique() == 1]
         print(_text(table.drop(columns=same), most=len(table)))
-        for column, name in sweeps.COMPARISONS.items():
-            if len({sweeps.key(c)[column] for c in configs}) > 1:
+        for column, name in curves.COMPARISONS.items():
+            if len({key(c)[column] for c in configs}) > 1:
                 print(_text(pd.read_csv(out / name)))
         print(f"{len(configs) - len(errors)} of {len(configs)} runs, written to {out}")
         return 1 if errors else 0

@@ -16,7 +16,7 @@ from pathlib import Path
 
 PACKAGE = "thesis_lib"
 
-READER = "thesis_lib.experiments.saved"
+READER = "thesis_lib.edition.saved"
 """The module through which a notebook reads the committed results of long runs."""
 
 _ONE_AT_A_TIME = threading.Lock()

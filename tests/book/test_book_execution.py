@@ -44,8 +44,8 @@ def root(tmp_path: Path) -> Path:
         "thesis_lib/b.py": "x = 1\n",
         "thesis_lib/published/__init__.py": "",
         "thesis_lib/published/t.csv": "x\n1\n",
-        "thesis_lib/experiments/__init__.py": "",
-        "thesis_lib/experiments/saved.py": "",
+        "thesis_lib/edition/__init__.py": "",
+        "thesis_lib/edition/saved.py": "",
         "results/learning/curves.csv": "x\n1\n",
     }.items():
         path = tmp_path / name
@@ -53,7 +53,7 @@ def root(tmp_path: Path) -> Path:
         path.write_text(text)
     (tmp_path / "notebooks").mkdir()
     write(tmp_path, "one", "import thesis_lib.a, thesis_lib.published")
-    write(tmp_path, "two", "import thesis_lib.b, thesis_lib.experiments.saved")
+    write(tmp_path, "two", "import thesis_lib.b, thesis_lib.edition.saved")
     return tmp_path
 
 

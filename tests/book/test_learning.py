@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from thesis_lib.book import learning
-from thesis_lib.experiments.training import TrainConfig, step_size
+from thesis_lib.training.config import TrainConfig, step_size
 
 
 def curves(gain: float = 50.0) -> pd.DataFrame:

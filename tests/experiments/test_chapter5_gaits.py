@@ -17,9 +17,10 @@ from thesis_lib.experiments.chapter5.gaits import SECTION_5_5_2_GAITS, GaitsConf
 from thesis_lib.experiments.chapter5.live import LiveConfig, trained
 from thesis_lib.experiments.chapter5.memory import growth_at_rest
 from thesis_lib.experiments.chapter5.untrained import Search, find_metronome
-from thesis_lib.experiments.training import TrainConfig, make_batch_task, make_run_policy
 from thesis_lib.optimisation import collect
 from thesis_lib.policies import make_policy
+from thesis_lib.training.config import TrainConfig
+from thesis_lib.training.parts import make_batch_task, make_run_policy
 
 torch.set_num_threads(1)
 

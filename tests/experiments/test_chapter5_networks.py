@@ -27,8 +27,8 @@ from thesis_lib.experiments.chapter5.time_constants import (
     StabilityConfig,
     growth,
 )
-from thesis_lib.experiments.training import TIMING_COLUMNS
 from thesis_lib.policies import CTRNN
+from thesis_lib.training.run import TIMING_COLUMNS
 
 torch.set_num_threads(1)
 BY_ID: dict[str, Claim] = {claim.id: claim for claim in CLAIMS}

@@ -11,11 +11,14 @@ from scipy import stats
 from thesis_lib.claims import Verdict
 from thesis_lib.claims.chapter5 import low_pass_trained
 from thesis_lib.edition.experiment import Context
+from thesis_lib.edition.saved import saved
 from thesis_lib.experiments.chapter5 import trained
 from thesis_lib.experiments.chapter5.saved_runs import SECTION_5_5_1_OPTIONS
-from thesis_lib.experiments.saved import saved
-from thesis_lib.experiments.sweep import Grid, run_name, write
-from thesis_lib.experiments.training import TrainConfig, Training, train, use_one_thread
+from thesis_lib.training.config import TrainConfig
+from thesis_lib.training.curves import write
+from thesis_lib.training.grid import Grid, run_name
+from thesis_lib.training.run import Training
+from thesis_lib.training.train import train, use_one_thread
 
 BASE = TrainConfig(batch_steps=100, horizon=20, iterations=2)
 

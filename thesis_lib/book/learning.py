@@ -13,10 +13,11 @@ from scipy import stats
 
 from thesis_lib.book.architectures import NETWORKS
 from thesis_lib.edition.plots import COLOURS, PRINTED
-from thesis_lib.experiments.sweep import DEFAULT, parse_variant, summary
-from thesis_lib.experiments.training import TrainConfig, step_size, table_5_1
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.stats import Summary, holm, mean_ci, welch
+from thesis_lib.training.config import TrainConfig, step_size, table_5_1
+from thesis_lib.training.curves import summary
+from thesis_lib.training.grid import DEFAULT, parse_variant
 
 STYLES: dict[str, tuple[str, str]] = {
     "dtrnn": (COLOURS[0], "-"),

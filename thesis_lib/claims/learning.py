@@ -10,9 +10,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from thesis_lib.claims import Claim, Difference, Tables
-from thesis_lib.experiments.saved import saved
-from thesis_lib.experiments.sweep import compared
+from thesis_lib.edition.saved import saved
 from thesis_lib.policies.factory import recurrent_units
+from thesis_lib.training.curves import compared
 
 CLAIMS: tuple[Claim, ...] = ()
 

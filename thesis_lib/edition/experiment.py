@@ -10,15 +10,12 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import platform
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 from typing import Any, Generic, TypeVar, get_args, get_type_hints
 
@@ -27,8 +24,9 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from thesis_lib import __version__
-from thesis_lib.checkout import commit, repository_root
+from thesis_lib.checkout import environment, repository_root
+from thesis_lib.checks import check_seed
+from thesis_lib.files import replacing, writable_directory
 
 BUDGETS = ("smoke", "book", "thesis")
 """smoke: seconds, every code path, values without meaning.  book: what the shipped book
@@ -53,13 +51,6 @@ def check_budget(budget: str) -> str:
     if budget not in BUDGETS:
         raise ValueError(f"budget {budget!r} does not exist: choose one of {', '.join(BUDGETS)}.")
     return budget
-
-
-def check_seed(seed: int) -> int:
-    """Return the seed if it is a non-negative integer; ValueError otherwise."""
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise ValueError(f"seed is {seed!r}, but a seed must be an integer of at least 0.")
-    return int(seed)
 
 
 @dataclass(frozen=True)
@@ -353,44 +344,6 @@ class Result:
         return path
 
 
-def writable_directory(directory: Path | str) -> Path:
-    """Make a directory if it is missing and check that it can be written to.
-
-    Raises
-    ------
-    ValueError
-        With the path and the way out.
-    """
-    folder = Path(directory)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise ValueError(
-            f"{str(folder)!r} cannot be written to ({error.strerror}): choose a directory you "
-            "may write to with --out."
-        ) from None
-    return folder
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """Write to a temporary file beside ``path`` and rename it, so that no half file is left."""
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        yield temporary
-        # mkstemp makes private files; a result is as readable as any other new file.
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
 def load(identifier: str, directory: Path | str) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Read a saved table and its provenance.
 
@@ -426,20 +379,6 @@ def results_directory(budget: str = "book") -> Path:
     """
     override = os.environ.get("THESIS_RESULTS")
     return Path(override) if override else repository_root() / "_build" / "results" / budget
-
-
-def environment() -> dict[str, Any]:
-    """Versions, commit and machine, for provenance."""
-    packages = ("numpy", "scipy", "numba", "torch", "mujoco", "gymnasium", "pandas")
-    return {
-        "python": platform.python_version(),
-        "versions": {
-            "thesis_lib": __version__,
-            **{name: metadata.version(name) for name in packages},
-        },
-        "commit": commit(),
-        "machine": f"{platform.machine()}, {os.cpu_count()} cores",
-    }
 
 
 def _plain(value: Any) -> Any:

@@ -10,10 +10,11 @@ import pandas as pd
 import torch
 
 from thesis_lib.edition.experiment import Context, Experiment, rows
-from thesis_lib.experiments.training import TrainConfig, make_batch_task, make_run_policy
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.optimisation import collect, make_batch
 from thesis_lib.policies import ARCHITECTURES
+from thesis_lib.training.config import TrainConfig
+from thesis_lib.training.parts import make_batch_task, make_run_policy
 
 SLOW_TO_MAKE = ("Ant", "esn")
 """A reservoir of 3256 units, left out: it takes as long as all other networks together."""

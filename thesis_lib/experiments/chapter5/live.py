@@ -8,13 +8,9 @@ from functools import lru_cache
 import pandas as pd
 
 from thesis_lib.edition.experiment import Context, Experiment
-from thesis_lib.experiments.training import (
-    CURVE_COLUMNS,
-    TrainConfig,
-    Training,
-    step_size,
-    train,
-)
+from thesis_lib.training.config import TrainConfig, step_size
+from thesis_lib.training.run import CURVE_COLUMNS, Training
+from thesis_lib.training.train import train
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import pandas as pd
 
 from thesis_lib.edition.experiment import Context, Experiment
-from thesis_lib.experiments.saved import saved
-from thesis_lib.experiments.sweep import CURVES_COLUMNS, PAIRED_COLUMNS, compared
+from thesis_lib.edition.saved import saved
+from thesis_lib.training.curves import CURVES_COLUMNS, PAIRED_COLUMNS, compared
 
 COLUMNS = (
     *("task", "terrain", "architecture", "seed", "precision", "iteration", "steps"),

@@ -11,10 +11,11 @@ import pandas as pd
 from thesis_lib.checkout import repository_root
 from thesis_lib.edition.experiment import Context, Experiment
 from thesis_lib.experiments.chapter5.architectures import GainConfig, gains_of, random_direction
-from thesis_lib.experiments.trained import TrainedPolicies
-from thesis_lib.experiments.training import Training, make_run_policy
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.policies import CTRNN
+from thesis_lib.training.parts import make_run_policy
+from thesis_lib.training.run import Training
+from thesis_lib.training.trained import TrainedPolicies
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,9 @@ from typing import Any
 
 import torch
 
-from thesis_lib.experiments.training import Best, TrainConfig, Training, write_tensors
+from thesis_lib.training.checkpoint import write_tensors
+from thesis_lib.training.config import TrainConfig
+from thesis_lib.training.run import Best, Training
 
 FORMAT = 1
 """Format of the file."""

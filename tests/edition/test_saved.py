@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from thesis_lib.experiments.saved import saved
+from thesis_lib.edition.saved import saved
 
 
 def test_a_table_comes_with_its_provenance(tmp_path: Path) -> None:

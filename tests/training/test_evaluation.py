@@ -8,19 +8,6 @@ import pytest
 import torch
 from PIL import Image
 
-from thesis_lib.experiments.evaluation import (
-    SUMMARY_COLUMNS,
-    Disturbances,
-    EvaluateConfig,
-    evaluate,
-    evaluation_task,
-    film,
-    idle_settings,
-    parse_perturbation,
-    positions,
-    summarised,
-)
-from thesis_lib.experiments.training import TrainConfig, Training, train
 from thesis_lib.locomotion.perturbations import (
     ActionDelay,
     ActuatorFailure,
@@ -33,6 +20,20 @@ from thesis_lib.locomotion.perturbations import (
 )
 from thesis_lib.locomotion.rendering import NoGL, choose_backend
 from thesis_lib.optimisation import run_episodes
+from thesis_lib.training.config import TrainConfig
+from thesis_lib.training.evaluation import (
+    SUMMARY_COLUMNS,
+    Disturbances,
+    EvaluateConfig,
+    evaluate,
+    evaluation_task,
+    idle_settings,
+    parse_perturbation,
+    summarised,
+)
+from thesis_lib.training.film import film, positions
+from thesis_lib.training.run import Training
+from thesis_lib.training.train import train
 
 torch.set_num_threads(1)
 SHORT = EvaluateConfig(runs=3, steps=60)

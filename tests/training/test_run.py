@@ -13,22 +13,17 @@ import pandas as pd
 import pytest
 import torch
 
-from thesis_lib.experiments import training
-from thesis_lib.experiments.training import (
-    CURVE_COLUMNS,
-    TIMING_COLUMNS,
-    TerminalReport,
-    TrainConfig,
-    Training,
-    TrainingStopped,
-    make_batch_task,
-    make_run_policy,
-    step_size,
-    train,
-)
+from thesis_lib import imports
 from thesis_lib.locomotion import BatchTask, Step
 from thesis_lib.optimisation import TRPO, Rollouts, ValueNetwork, collect
 from thesis_lib.policies import ARCHITECTURES, CTRNN, ESN, FeedforwardPolicy
+from thesis_lib.training import checkpoint, parts
+from thesis_lib.training import config as settings
+from thesis_lib.training import run as running
+from thesis_lib.training.config import TrainConfig, step_size
+from thesis_lib.training.parts import make_batch_task, make_run_policy
+from thesis_lib.training.run import CURVE_COLUMNS, TIMING_COLUMNS, Training, TrainingStopped
+from thesis_lib.training.train import TerminalReport, default_directory, train
 
 torch.set_num_threads(1)
 SMALL = {"batch_steps": 200, "horizon": 40, "iterations": 3}
@@ -81,7 +76,7 @@ def test_every_iteration_draws_anew_and_noise_is_not_the_task_s(
 
     run = Training(TrainConfig(**SMALL))
     monkeypatch.setattr(BatchTask, "reseed", reseeded)
-    monkeypatch.setattr(training, "collect", collected)
+    monkeypatch.setattr(running, "collect", collected)
     run.step()
     run.step()
     assert np.ptp(starts[0]) > 0
@@ -162,7 +157,7 @@ def test_step_sizes_of_table_5_1(task: str, architecture: str, delta: float) -> 
     config = TrainConfig(task=task, architecture=architecture)
     assert step_size(config) == delta
     asked = dataclasses.replace(config, delta_kl=0.123)
-    assert isinstance(training.make_algorithm(asked), TRPO)
+    assert isinstance(parts.make_algorithm(asked), TRPO)
     assert step_size(asked) == 0.123
 
 
@@ -186,7 +181,7 @@ def test_feature_subsets(task: str, architecture: str, seen: int) -> None:
 
 def test_every_run_has_a_directory_of_its_own() -> None:
     config = TrainConfig(task="walker", terrain="hill", architecture="gru", seed=3)
-    assert training.default_directory(config).parts[-3:] == (
+    assert default_directory(config).parts[-3:] == (
         "_build",
         "runs",
         "walker2d-hill-gru-3",
@@ -205,8 +200,8 @@ def test_settings_reach_the_policy() -> None:
     reservoir = make_run_policy(config, make_batch_task(config))
     assert isinstance(reservoir, ESN)
     assert (reservoir.spectral_radius, reservoir.density, reservoir.leak) == (1.1, 0.5, 0.5)
-    assert training.table_5_1("Ant", "esn", "spectral_radius") == 1.5
-    assert training.table_5_1("Ant", "esn", "weight_density") == 0.7
+    assert settings.table_5_1("Ant", "esn", "spectral_radius") == 1.5
+    assert settings.table_5_1("Ant", "esn", "weight_density") == 0.7
 
 
 def _net(run: Training, name: str) -> Any:
@@ -322,7 +317,7 @@ def test_no_option_is_left_out() -> None:
 
 
 def test_the_number_type_is_that_of_a_neural_baseline_too() -> None:
-    for precision, dtype in training.PRECISIONS.items():
+    for precision, dtype in settings.PRECISIONS.items():
         baseline = Training(TrainConfig(precision=precision, baseline="network")).learner.baseline
         assert isinstance(baseline, ValueNetwork)
         assert baseline.dtype == dtype
@@ -337,7 +332,7 @@ def test_what_a_sweep_sets_for_all_is_left_out_where_it_is_idle(
 ) -> None:
     config = TrainConfig(architecture=architecture, worlds=1)
     asked = dataclasses.replace(config, **option)
-    assert list(training.idle_settings(asked)) == list(option)
+    assert list(settings.idle_settings(asked)) == list(option)
     one, two = (make_run_policy(c, make_batch_task(c)) for c in (config, asked))
     assert torch.equal(one.parameter_vector(), two.parameter_vector())
 
@@ -372,8 +367,8 @@ def test_a_run_of_other_code_or_versions_is_not_gone_on_with(
 ) -> None:
     config = TrainConfig(**{**SMALL, "iterations": 2})
     train(dataclasses.replace(config, iterations=1), tmp_path)
-    now = training.made_with()
-    monkeypatch.setattr(training, "made_with", lambda: now | {what: "0.0"})
+    now = checkpoint.made_with()
+    monkeypatch.setattr(checkpoint, "made_with", lambda: now | {what: "0.0"})
     with pytest.raises(ValueError, match=f"was made with {what} .*, not 0.0, .* --any-version"):
         train(config, tmp_path)
     assert Training.load(tmp_path).iteration == 1
@@ -383,20 +378,29 @@ def test_a_run_of_other_code_or_versions_is_not_gone_on_with(
 def test_the_code_digest_sees_every_module_that_decides_a_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    library = Path(training.__file__).parents[1]
     copy = tmp_path / "thesis_lib"
-    shutil.copytree(library, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr(training, "__file__", str(copy / "experiments" / "training.py"))
-    digest = training.code_digest.__wrapped__
+    ignore = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(Path(imports.__file__).parent, copy, ignore=ignore)
+    monkeypatch.setattr(checkpoint, "_LIBRARY", copy)
+    digest = checkpoint.code_digest.__wrapped__
     before = digest()
-    assert before == training.code_digest()
-    for changed in ("locomotion/batch.py", "policies/vanilla.py", "optimisation/trpo.py"):
+    assert before == checkpoint.code_digest()
+    for changed in (
+        "locomotion/batch.py",
+        "policies/vanilla.py",
+        "optimisation/trpo.py",
+        "training/config.py",
+        "training/parts.py",
+        "training/run.py",
+        "published/table-5.1.csv",
+    ):
         with (copy / changed).open("a") as file:
             file.write("# other\n")
-        assert digest() != before
+        assert digest() != before, changed
         before = digest()
-    (copy / "stats.py").write_text("")
-    assert digest() == before
+    for other in ("cli.py", "training/evaluation.py", "training/sweep.py"):
+        (copy / other).write_text("")
+        assert digest() == before, other
 
 
 def test_a_hill_run_has_its_own_map() -> None:
@@ -556,7 +560,7 @@ def test_another_run_in_the_directory(tmp_path: Path) -> None:
 def test_another_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     config = TrainConfig(**{**SMALL, "iterations": 1, "architecture": "ffwd"})
     train(config, tmp_path)
-    monkeypatch.setattr(training, "OUR_DELTA", 0.2)
+    monkeypatch.setattr(settings, "OUR_DELTA", 0.2)
     with pytest.raises(ValueError, match=r"was trained with delta_kl 0\.05, not 0\.2"):
         train(config, tmp_path)
     # nor does a checkpoint that does not say its step size pass for one with today's

@@ -6,8 +6,9 @@ import pickle
 import pytest
 import torch
 
-from thesis_lib.experiments.training import TrainConfig, Training
 from thesis_lib.policies import ARCHITECTURES
+from thesis_lib.training.config import TrainConfig
+from thesis_lib.training.run import Training
 
 TIMES = ("sampling_seconds", "update_seconds", "wall_seconds")
 WAYS = {"deepcopy": copy.deepcopy, "pickle": lambda made: pickle.loads(pickle.dumps(made))}

@@ -16,26 +16,22 @@ from scipy import stats
 
 from thesis_lib import cli
 from thesis_lib.edition.experiment import load
-from thesis_lib.experiments.sweep import (
+from thesis_lib.training.config import TrainConfig
+from thesis_lib.training.curves import (
     CURVES_COLUMNS,
-    GRID_COLUMNS,
     LAST,
     MARGIN,
     PAIRED_COLUMNS,
     SUMMARY_COLUMNS,
-    Grid,
-    Outcome,
     compared,
-    key,
     merged,
-    parse_variant,
     progress,
-    run_name,
     summary,
-    sweep,
     write,
 )
-from thesis_lib.experiments.training import TrainConfig, train, use_one_thread
+from thesis_lib.training.grid import GRID_COLUMNS, Grid, key, parse_variant, run_name
+from thesis_lib.training.sweep import Outcome, sweep
+from thesis_lib.training.train import train, use_one_thread
 
 SMALL = TrainConfig(batch_steps=100, horizon=20, iterations=3, checkpoint_every=1)
 TIMES = ["sampling_seconds", "update_seconds", "wall_seconds"]

@@ -10,10 +10,13 @@ import torch
 
 from thesis_lib import cli
 from thesis_lib.edition.experiment import load
-from thesis_lib.experiments.evaluation import EvaluateConfig, evaluate
-from thesis_lib.experiments.sweep import Grid, run_name, write
-from thesis_lib.experiments.trained import TrainedPolicies
-from thesis_lib.experiments.training import TrainConfig, Training, train, use_one_thread
+from thesis_lib.training.config import TrainConfig
+from thesis_lib.training.curves import write
+from thesis_lib.training.evaluation import EvaluateConfig, evaluate
+from thesis_lib.training.grid import Grid, run_name
+from thesis_lib.training.run import Training
+from thesis_lib.training.train import train, use_one_thread
+from thesis_lib.training.trained import TrainedPolicies
 
 BASE = TrainConfig(batch_steps=100, horizon=20, iterations=2)
 NETS = ("ctrnn", "esn", "lstm")

@@ -13,26 +13,20 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
-from PIL import Image
 
-from thesis_lib.edition.experiment import check_seed, environment, replacing, writable_directory
-from thesis_lib.experiments.training import TERRAINS, Training
+from thesis_lib.checkout import environment
+from thesis_lib.checks import check_seed
+from thesis_lib.files import replacing, writable_directory
 from thesis_lib.locomotion import BatchTask, make_task, perturbations
 from thesis_lib.locomotion.batch import Perturbation
 from thesis_lib.locomotion.robots import Ground
 from thesis_lib.locomotion.tasks import TEST_HORIZON, Termination
 from thesis_lib.locomotion.terrain import hill_maps
 from thesis_lib.optimisation import run_episodes
-from thesis_lib.policies import GaussianPolicy
 from thesis_lib.registration import find
 from thesis_lib.stats import mean_ci
-
-FILM_FORMATS = (".webp", ".gif", ".png")
-"""Suffixes of the animated pictures a film can be written to."""
-
-FRAMES_A_SECOND = 25
-"""Of a film; time runs as in the simulation."""
+from thesis_lib.training.config import TERRAINS
+from thesis_lib.training.run import Training
 
 RUN_COLUMNS: Mapping[str, str] = {
     "run": "number of the run, from 0",
@@ -275,7 +269,7 @@ def _hills(config: EvaluateConfig, robot: str) -> Sequence[Ground] | None:
     return hill_maps(config.runs, config.difficulty, config.seed, robot=robot)
 
 
-def _ground(config: EvaluateConfig, robot: str, run: int) -> Ground | None:
+def ground_of(config: EvaluateConfig, robot: str, run: int) -> Ground | None:
     """The terrain of one run of a test."""
     offers = [_hills(config, robot)]
     seed = np.random.SeedSequence(config.seed)
@@ -308,7 +302,7 @@ def evaluate(
     chosen = config or EvaluateConfig()
     run = trained if isinstance(trained, Training) else Training.load(trained)
     task = evaluation_task(run, chosen, extra)
-    rollouts = run_episodes(task, run.policy, _noise(chosen))
+    rollouts = run_episodes(task, run.policy, exploration(chosen))
     return pd.DataFrame(
         {
             "run": np.arange(chosen.runs),
@@ -319,7 +313,8 @@ def evaluate(
     )
 
 
-def _noise(config: EvaluateConfig) -> np.random.Generator | None:
+def exploration(config: EvaluateConfig) -> np.random.Generator | None:
+    """Source of a test's exploration noise, None where it acts greedily."""
     return None if config.greedy else np.random.default_rng(config.seed)
 
 
@@ -401,100 +396,3 @@ def write(
     with replacing(folder / "evaluation.json") as temporary:
         temporary.write_text(json.dumps(record, indent=1, default=float) + "\n")
     return folder / "evaluation.csv"
-
-
-def positions(
-    task: BatchTask,
-    policy: GaussianPolicy,
-    world: int = 0,
-    noise: np.random.Generator | None = None,
-) -> NDArray[np.float64]:
-    """Positions of one world's robot before every step, shape ``(steps, nq)``.
-
-    Parameters
-    ----------
-    task, policy
-        What acts in which worlds.
-    world
-        Whose positions.
-    noise
-        Source of the exploration noise; None acts greedily.
-    """
-    states: list[NDArray[np.float64]] = []
-
-    def watch(running: NDArray[np.bool_]) -> None:
-        if running[world]:
-            states.append(task.qpos[world])
-
-    run_episodes(task, policy, noise, watch=watch)
-    return np.stack(states)
-
-
-def check_film(path: Path | str, config: EvaluateConfig, run: int = 0) -> Path:
-    """The path of a film if it can be made; ValueError when its suffix or run does not exist."""
-    target = Path(path)
-    if target.suffix not in FILM_FORMATS:
-        raise ValueError(
-            f"a film cannot be written as {target.suffix!r}: choose one of "
-            f"{', '.join(FILM_FORMATS)}."
-        )
-    if not 0 <= run < config.runs:
-        raise ValueError(f"run is {run}, but the runs are 0 to {config.runs - 1}.")
-    writable_directory(target.parent)
-    return target
-
-
-def film(
-    trained: Training | Path | str,
-    path: Path | str,
-    config: EvaluateConfig | None = None,
-    *,
-    run: int = 0,
-    width: int = 480,
-    height: int = 320,
-) -> Path:
-    """Write a film of one run of a test as an animated picture.
-
-    Parameters
-    ----------
-    trained
-        A run, or the path of its checkpoint or directory.
-    path
-        Of the picture: ``.webp``, ``.gif`` or ``.png``.
-    config
-        The test.
-    run
-        Which of its runs to show.
-    width, height
-        Pixels.
-
-    Raises
-    ------
-    ValueError
-        When the suffix or the run does not exist.
-    thesis_lib.locomotion.rendering.NoGL
-        When nothing can be drawn on this machine.
-    """
-    from thesis_lib.locomotion.rendering import film as draw
-
-    chosen = config or EvaluateConfig()
-    target = check_film(path, chosen, run)
-    loaded = trained if isinstance(trained, Training) else Training.load(trained)
-    task = evaluation_task(loaded, chosen)
-    states = positions(task, loaded.policy, run, _noise(chosen))
-    every = max(1, round(1 / (FRAMES_A_SECOND * task.task.robot.control_dt)))
-    robot = task.task.robot.name
-    ground = _ground(chosen, robot, run)
-    pictures = draw(robot, states[::every], ground, width=width, height=height)
-    frames = [Image.fromarray(p) for p in pictures]
-    milliseconds = round(1000 * every * task.task.robot.control_dt)
-    with replacing(target) as temporary:
-        frames[0].save(
-            temporary,
-            format={".webp": "WEBP", ".gif": "GIF", ".png": "PNG"}[target.suffix],
-            save_all=True,
-            append_images=frames[1:],
-            duration=milliseconds,
-            loop=0,
-        )
-    return target

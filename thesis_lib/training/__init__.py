@@ -1,0 +1,1 @@
+"""Training of policies: one run, a sweep of many, what they keep, and tests of it."""

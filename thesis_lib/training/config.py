@@ -1,0 +1,276 @@
+"""The settings of a training run (table 5.1, section 5.4 and the author's code)."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+
+from thesis_lib.checks import check_seed, plain_settings
+from thesis_lib.locomotion.robots import ROBOTS
+from thesis_lib.policies import ARCHITECTURES, DEEP_NETS
+from thesis_lib.published import load as published
+
+TERRAINS = ("flat", "hill")
+ALGORITHMS = ("trpo", "vpg", "natural", "ppo")
+BASELINES = ("linear", "network")
+FEATURES = ("thesis", "text", "literal", "code", "full")
+SUBSET = "text"
+"""The reading of table 5.1's feature subset that ``features="thesis"`` stands for."""
+NARROWED = ("Swimmer", "Hopper")
+"""Robots on which table 5.1 gives recurrent nets a subset of the sensors."""
+PRECISIONS: Mapping[str, torch.dtype] = {"float32": torch.float32, "float64": torch.float64}
+
+DUAN_DELTA: Mapping[str, float] = {"Swimmer": 0.1}
+"""Step sizes of the nets that table 5.1 leaves out: it refers to Duan et al., whose text states
+the swimmer's."""
+
+OUR_DELTA = 0.05
+"""The same for the other tasks, whose step sizes stand in a supplement we do not have.  Scripts of
+Duan et al.'s group use this value."""
+
+LOG_STD_RANGE = (-10.0, 10.0)
+"""Where the logarithm of the actions' standard deviation may start."""
+
+TASK_NAMES: Mapping[str, str] = {
+    "swimmer": "Swimmer",
+    "hopper": "Hopper",
+    "halfcheetah": "HalfCheetah",
+    "walker": "Walker2d",
+    "walker2d": "Walker2d",
+    "ant": "Ant",
+}
+"""Names under which a task is found; case, ``-`` and ``_`` do not matter."""
+
+_PUBLISHED_TASKS = {
+    "Swimmer": "swimmer",
+    "Hopper": "hopper",
+    "HalfCheetah": "half_cheetah",
+    "Walker2d": "walker",
+    "Ant": "ant",
+}
+_MAY_CHANGE = ("iterations", "checkpoint_every", "threads")
+_NEEDS: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "integrator": ("architecture", ("ctrnn",)),
+    "time_constant": ("architecture", ("ctrnn",)),
+    "constraint": ("architecture", ("ctrnn",)),
+    "spectral_radius": ("architecture", ("esn",)),
+    "density": ("architecture", ("esn",)),
+    "leak": ("architecture", ("esn",)),
+    "forget_bias": ("architecture", ("lstm",)),
+    "gate_initialisation": ("architecture", ("gru", "lstm")),
+    "time_constant_spread": ("architecture", ("ctrnn",)),
+    "initialisation": ("architecture", ("ffwd", "dffwd", "dffwd-softplus", "ffwd-400")),
+    "units": ("architecture", tuple(name for name in ARCHITECTURES if name not in DEEP_NETS)),
+    "learning_rate": ("algorithm", ("vpg", "ppo")),
+    "delta_kl": ("algorithm", ("trpo", "natural")),
+    "cg_iterations": ("algorithm", ("trpo", "natural")),
+    "damping": ("algorithm", ("trpo", "natural")),
+    "kl_direction": ("algorithm", ("trpo",)),
+    "difficulty": ("terrain", ("hill",)),
+    "maps": ("terrain", ("hill",)),
+}
+SEED_KEYS = {"task": 0, "noise": 1, "terrain": 2}
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """One training run; defaults from table 5.1, section 5.4 and the author's code."""
+
+    task: str = "Hopper"
+    """Swimmer, Hopper, HalfCheetah, Walker2d or Ant."""
+    terrain: str = "flat"
+    """flat, or hill: one map, drawn from the seed."""
+    architecture: str = "dtrnn"
+    """ffwd, dffwd, dtrnn, ctrnn, gru, lstm, esn, dffwd-softplus or ffwd-400."""
+    seed: int = 0
+    """All randomness comes from it."""
+    iterations: int = 500
+    """Iterations of the learning algorithm (tables average the first 500)."""
+    batch_steps: int = 50_000
+    """Steps of an iteration: whole episodes of at least this many together (Duan et al.)."""
+    horizon: int = 500
+    """Steps of an episode (Duan et al.)."""
+    algorithm: str = "trpo"
+    """trpo, vpg, natural or ppo."""
+    delta_kl: float | None = None
+    """Bound on the divergence in nats; default table 5.1; where it has no entry 0.05, and 0.1 for
+    the swimmer."""
+    learning_rate: float | None = None
+    """Of vpg and ppo; default 0.01 and 0.0003."""
+    discount: float = 0.99
+    """gamma (Duan et al.)."""
+    trace: float = 1.0
+    """lambda of the advantage estimate; 1 is equation 2.12."""
+    bootstrap: bool = False
+    """Credit episodes cut at the horizon with the baseline; the author does not."""
+    baseline: str = "linear"
+    """linear (Duan et al.), or network: a neural one, fitted to lambda-returns."""
+    cg_iterations: int = 10
+    """Conjugate-gradient steps."""
+    damping: float = 1e-5
+    """Added to the diagonal of the Fisher matrix."""
+    kl_direction: str = "old_new"
+    """old_new (the author's code) or new_old (equation 2.14)."""
+    features: str = "thesis"
+    """What recurrent nets see of Hopper and Swimmer: a reading of table 5.1 (thesis, the default
+    one; text, literal or code, see SUBSETS), or full."""
+    difficulty: float = 0.5
+    """Height of the hills in metres."""
+    maps: int = 1
+    """Number of hill maps the worlds share out; the author trained on one."""
+    reading: str = "code"
+    """code, text or duan: whose rewards and observations (see make_task)."""
+    alive_bonus: float | None = None
+    """Replaces the task's bonus for staying alive."""
+    units: int | None = None
+    """Hidden units of nets with one hidden layer; default section 5.4."""
+    previous_action: bool | None = None
+    """Whether the net sees its last action; default recurrent nets do."""
+    integrator: str = "heun"
+    """Of the CTRNN: heun (the author's "midpoint"), euler or midpoint."""
+    time_constant: float = 1.0
+    """Initial time constants of the CTRNN in seconds."""
+    time_constant_spread: float = 1.0
+    """Largest over smallest of them."""
+    constraint: str = "clamp"
+    """How the CTRNN's time constants stay above the step: clamp, softplus, exponential."""
+    spectral_radius: float | None = None
+    """Of the ESN; default table 5.1."""
+    density: float | None = None
+    """Of the ESN's recurrent weights; default table 5.1."""
+    leak: float = 0.5
+    """Of the ESN."""
+    forget_bias: float = 1.0
+    """Of the LSTM: constant added in its forget gate."""
+    gate_initialisation: str | None = None
+    """Law of a gated net's recurrent weights, glorot or orthogonal; default the author's: glorot
+    for the GRU, orthogonal for the LSTM."""
+    initial_log_std: float = 0.0
+    """Start of the log standard deviation of the actions."""
+    initialisation: str = "glorot"
+    """Law of a feedforward net's initial weights: glorot (the author's code) or orthogonal."""
+    head_scale: float = 1.0
+    """What the initial weights of the output layer are multiplied with."""
+    worlds: int | None = None
+    """Worlds simulated side by side; default one for each episode of a full batch."""
+    precision: str = "float32"
+    """float32 or float64 networks, a neural baseline among them; physics, returns and the linear
+    baseline are always float64."""
+    threads: int = 1
+    """Threads of the physics; the result does not depend on it."""
+    checkpoint_every: int = 10
+    """Iterations between checkpoints."""
+
+    def __post_init__(self) -> None:
+        check_seed(self.seed)
+        plain_settings(self)
+        object.__setattr__(self, "task", task_name(self.task))
+        for name, allowed in (
+            ("terrain", TERRAINS),
+            ("architecture", tuple(ARCHITECTURES)),
+            ("algorithm", ALGORITHMS),
+            ("baseline", BASELINES),
+            ("features", FEATURES),
+            ("precision", tuple(PRECISIONS)),
+        ):
+            value = getattr(self, name)
+            if value not in allowed:
+                raise ValueError(
+                    f"{name} {value!r} does not exist: choose one of {', '.join(allowed)}."
+                )
+        for name in ("iterations", "batch_steps", "horizon", "maps", "checkpoint_every"):
+            value = getattr(self, name)
+            if value < 1:
+                raise ValueError(f"{name} is {value}, but it must be at least 1.")
+        if self.worlds is not None and self.worlds < 1:
+            raise ValueError(f"worlds is {self.worlds}, but at least 1 world is needed.")
+        for name in ("delta_kl", "learning_rate"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{name} is {value}, but it must be positive.")
+        low, high = LOG_STD_RANGE
+        if not low <= self.initial_log_std <= high:
+            raise ValueError(
+                f"initial_log_std is {self.initial_log_std}, but it must be between {low:g} and "
+                f"{high:g}: less noise explores nothing, and more is clipped from every action."
+            )
+
+
+def idle_settings(config: TrainConfig) -> dict[str, str]:
+    """Settings that differ from their default and have no effect, with what they belong to."""
+    default = TrainConfig()
+    return {
+        name: f"{by} {' or '.join(values)}"
+        for name, (by, values) in _NEEDS.items()
+        if getattr(config, name) != getattr(default, name) and getattr(config, by) not in values
+    }
+
+
+def task_name(name: str) -> str:
+    """The robot's name for a task named in any spelling.
+
+    Raises
+    ------
+    ValueError
+        Naming the tasks there are.
+    """
+    plain = name.replace("_", "").replace("-", "").lower()
+    if plain not in TASK_NAMES:
+        raise ValueError(f"task {name!r} does not exist: choose one of {', '.join(ROBOTS)}.")
+    return TASK_NAMES[plain]
+
+
+def table_5_1(task: str, architecture: str, quantity: str) -> float | None:
+    """A setting that table 5.1 or its caption prints, None where it prints none.
+
+    Parameters
+    ----------
+    task
+        Name of the robot.
+    architecture
+        Name of the net.
+    quantity
+        ``delta_kl``, ``spectral_radius`` or ``weight_density``.
+    """
+    table = published("table-5.1")
+    chosen = table[
+        (table.task == _PUBLISHED_TASKS[task])
+        & (table.architecture == architecture.upper())
+        & (table.quantity == quantity)
+    ]
+    return None if chosen.empty else float(chosen.value.iloc[0])
+
+
+def step_size(config: TrainConfig) -> float:
+    """The bound on the divergence of a run: asked for, printed in table 5.1, or Duan et al.'s."""
+    if config.delta_kl is not None:
+        return config.delta_kl
+    printed = table_5_1(config.task, config.architecture, "delta_kl")
+    return DUAN_DELTA.get(config.task, OUR_DELTA) if printed is None else printed
+
+
+def differences(saved: Mapping[str, Any], config: TrainConfig) -> dict[str, tuple[object, object]]:
+    """Settings in which a saved run is not the one asked for: what it has, and what is wanted.
+
+    Parameters
+    ----------
+    saved
+        With the entries ``config`` and ``delta_kl`` that checkpoints and records have.
+    config
+        The run that is asked for.
+    """
+    have = dataclasses.asdict(TrainConfig()) | dict(saved["config"])
+    want = dataclasses.asdict(config)
+    # A default may be another number in another version of this library.
+    have["delta_kl"] = saved.get("delta_kl", have["delta_kl"])
+    want["delta_kl"] = step_size(config)
+    return {
+        name: (have[name], want[name])
+        for name in want
+        if name not in _MAY_CHANGE and have[name] != want[name]
+    }

@@ -1,0 +1,309 @@
+"""Learning curves of a sweep: merged, summarised, compared, written with their provenance."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from thesis_lib.checkout import environment
+from thesis_lib.files import replacing, writable_directory
+from thesis_lib.stats import holm, mean_ci
+from thesis_lib.training.config import TrainConfig, differences
+from thesis_lib.training.grid import GRID, GRID_COLUMNS, key, run_name
+from thesis_lib.training.run import CURVE_COLUMNS
+from thesis_lib.training.trained import write_policies
+
+LAST = 5
+"""Iterations whose mean return says how well a net did at the end."""
+
+MARGIN = 0.1
+"""Difference of two mean returns, as a share of the second, that counts as none."""
+
+CURVES_COLUMNS: Mapping[str, str] = {
+    **GRID_COLUMNS,
+    **{
+        name: CURVE_COLUMNS[name]
+        for name in (
+            "iteration",
+            "steps",
+            "mean_return",
+            "std_return",
+            "episodes",
+            "mean_length",
+            "kl",
+            "entropy",
+            "accepted",
+            "backtracks",
+            "sampling_seconds",
+            "update_seconds",
+            "wall_seconds",
+        )
+    },
+}
+"""Meaning and unit of each column of the merged curves, one row an iteration of a run."""
+
+SUMMARY_COLUMNS: Mapping[str, str] = {
+    **GRID_COLUMNS,
+    "iterations": "iterations done",
+    "steps": "control steps learned from",
+    "first_return": "mean return of the first batch, that of the untrained policy",
+    "last_return": f"mean return of the last {LAST} batches",
+    "best_return": "mean return of the best batch",
+    "average_return": "mean return over all iterations, the measure of table 5.2",
+    "rejected": "updates the line search rejected",
+    "steps_per_second": "control steps learned from in a second of processor time",
+    "wall_seconds": "wall-clock seconds of all iterations",
+}
+"""Meaning and unit of each column of :func:`summary`, one row a run."""
+
+
+def progress(config: TrainConfig, runs: Path | str) -> int:
+    """Iterations a run has kept on the disk, 0 when its directory has none of this run."""
+    record = _record(config, runs)
+    return 0 if record is None else int(record["iteration"])
+
+
+def _record(config: TrainConfig, runs: Path | str) -> dict[str, Any] | None:
+    file = Path(runs) / run_name(config) / "run.json"
+    if not file.exists():
+        return None
+    record: dict[str, Any] = json.loads(file.read_text())
+    return None if differences(record, config) else record
+
+
+def merged(configs: Sequence[TrainConfig], runs: Path | str) -> pd.DataFrame:
+    """Learning curves of all runs, as far as each has come.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns as in :data:`CURVES_COLUMNS`, one row an iteration of a run.
+    """
+    parts = []
+    for config in configs:
+        if _record(config, runs) is not None:
+            curve = pd.read_csv(Path(runs) / run_name(config) / "curve.csv")
+            parts.append(curve.assign(**key(config)))
+    columns = list(CURVES_COLUMNS)
+    parts = [p for p in parts if len(p)]
+    return pd.concat(parts, ignore_index=True)[columns] if parts else pd.DataFrame(columns=columns)
+
+
+def summary(curves: pd.DataFrame, last: int = LAST) -> pd.DataFrame:
+    """What each run came to.
+
+    Parameters
+    ----------
+    curves
+        From :func:`merged`.
+    last
+        Batches whose mean return says how well a net did at the end.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns as in :data:`SUMMARY_COLUMNS`, one row a run.
+    """
+    records = []
+    for run, curve in curves.groupby(list(GRID_COLUMNS), sort=False):
+        returns, steps = curve.mean_return, int(curve.steps.iloc[-1])
+        seconds = curve.sampling_seconds.sum() + curve.update_seconds.sum()
+        records.append(
+            {
+                **dict(zip(GRID_COLUMNS, run, strict=True)),
+                "iterations": len(curve),
+                "steps": steps,
+                "first_return": returns.iloc[0],
+                "last_return": returns.tail(last).mean(),
+                "best_return": returns.max(),
+                "average_return": returns.mean(),
+                "rejected": int((~curve.accepted.astype(bool)).sum()),
+                "steps_per_second": steps / seconds,
+                "wall_seconds": curve.wall_seconds.sum(),
+            }
+        )
+    return pd.DataFrame(records, columns=list(SUMMARY_COLUMNS))
+
+
+PAIRED_COLUMNS: Mapping[str, str] = {
+    **{name: GRID_COLUMNS[name] for name in ("task", "terrain", "architecture")},
+    "changed": "what is compared: a number type or a variant",
+    "reference": "what it is compared with",
+    "n": "seeds that both have finished",
+    "mean_changed": "return averaged over the curve, mean over seeds",
+    "mean_reference": "the same for the reference",
+    "difference": "mean over seeds of the difference with the same seed",
+    "low": "lower end of the 95% Student interval of the difference",
+    "high": "upper end",
+    "p_difference": "paired t-test that the difference is 0",
+    "p_holm": "the same, adjusted by Holm for all rows of the table",
+    "p_equivalence": (
+        f"two one-sided paired t-tests that it is within {MARGIN:.0%} of the reference"
+    ),
+}
+"""Meaning and unit of each column of :func:`compared`."""
+
+
+COMPARISONS: Mapping[str, str] = {"precision": "precision.csv", "variant": "variants.csv"}
+"""Files that :func:`write` makes for what it compares."""
+
+
+def compared(curves: pd.DataFrame, column: str) -> pd.DataFrame:
+    """Paired tests of the return over the curve: what a number type or a variant changes.
+
+    Parameters
+    ----------
+    curves
+        From :func:`merged`.
+    column
+        ``precision`` (float32 against float64) or ``variant`` (each against the first).
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns as in :data:`PAIRED_COLUMNS`, one row for each net, task, terrain and
+        change that has at least 2 seeds on both sides.
+    """
+    runs = summary(curves)
+    rest = [c for c in GRID_COLUMNS if c not in (column, "seed")]
+    records = []
+    for _, group in runs.groupby(rest, sort=False):
+        # Only curves of the same length can be averaged over and compared.
+        longest = group[group.iterations == group.iterations.max()]
+        values = list(dict.fromkeys(longest[column]))
+        reference = "float64" if column == "precision" else values[0]
+        table = longest.pivot(index="seed", columns=column, values="average_return")
+        for changed in (v for v in values if v != reference):
+            if reference not in table:
+                continue
+            pairs = table[[changed, reference]].dropna()
+            if len(pairs) < 2:
+                continue
+            names = {c: group[c].iloc[0] for c in ("task", "terrain", "architecture")}
+            names |= {"changed": changed, "reference": reference}
+            records.append(names | _paired(pairs[changed], pairs[reference]))
+    found = pd.DataFrame(records, columns=list(PAIRED_COLUMNS))
+    return found.assign(p_holm=holm(found.p_difference) if len(found) else [])
+
+
+def _paired(changed: pd.Series, reference: pd.Series) -> dict[str, float]:
+    """Statistics of two samples with the same seeds."""
+    difference = (changed - reference).to_numpy()
+    interval = mean_ci(difference)
+    margin = MARGIN * abs(float(reference.mean()))
+    return {
+        "n": len(difference),
+        "mean_changed": changed.mean(),
+        "mean_reference": reference.mean(),
+        "difference": interval.mean,
+        "low": interval.mean - interval.half_width,
+        "high": interval.mean + interval.half_width,
+        "p_difference": _one_sample(difference, 0.0, "two-sided"),
+        "p_equivalence": max(
+            _one_sample(difference, -margin, "greater"),
+            _one_sample(difference, margin, "less"),
+        ),
+    }
+
+
+def _one_sample(values: np.ndarray, centre: float, alternative: str) -> float:
+    """p-value of the t-test that the mean of the values is ``centre``."""
+    if np.ptp(values) == 0:  # the test divides by the deviation
+        gap = values[0] - centre
+        agrees = {"two-sided": gap == 0, "greater": gap <= 0, "less": gap >= 0}
+        return float(agrees[alternative])
+    return float(stats.ttest_1samp(values, centre, alternative=alternative).pvalue)
+
+
+def write(
+    configs: Sequence[TrainConfig],
+    runs: Path | str,
+    out: Path | str,
+    *,
+    command: str,
+    errors: Mapping[str, str] | None = None,
+) -> pd.DataFrame:
+    """Merge the runs and write ``curves.csv`` with its provenance ``curves.json``.
+
+    With both number types ``precision.csv`` is written too, with variants ``variants.csv``,
+    and always ``policies.pt``, the policies as they are now (see
+    :class:`~thesis_lib.training.trained.TrainedPolicies`).
+
+    Parameters
+    ----------
+    configs
+        The runs.
+    runs
+        Directory they are in.
+    out
+        Directory to write to.
+    command
+        What made them.
+    errors
+        What stopped runs, by :func:`run_name`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The merged curves.
+    """
+    folder = writable_directory(out)
+    curves = merged(configs, runs)
+    begun = [(run_name(c), Path(runs) / run_name(c)) for c in configs]
+    begun = [(name, run) for name, run in begun if (run / "checkpoint.pt").exists()]
+    left_out = write_policies(begun, folder / "policies.pt")
+    record: dict[str, Any] = {
+        "id": "curves",
+        "title": "Learning curves of a sweep.",
+        "command": command,
+        "config": _shared(configs),
+        "grid": {n: sorted({key(c)[n] for c in configs}) for n in GRID_COLUMNS},
+        "wall_seconds": round(float(curves.wall_seconds.sum()), 1),
+        "processor_seconds": round(
+            float(curves.sampling_seconds.sum() + curves.update_seconds.sum()), 1
+        ),
+        "runs": [_run_record(c, runs, left_out | dict(errors or {})) for c in configs],
+        "rows": len(curves),
+        "columns": dict(CURVES_COLUMNS),
+        "written": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        **environment(),
+        "table": "curves.csv",
+    }
+    with replacing(folder / "curves.csv") as temporary:
+        curves.to_csv(temporary, index=False, float_format="%.6g")
+    for column, name in COMPARISONS.items():
+        if len({key(c)[column] for c in configs}) > 1:
+            record["compared_columns"] = dict(PAIRED_COLUMNS)
+            with replacing(folder / name) as temporary:
+                compared(curves, column).to_csv(temporary, index=False, float_format="%.6g")
+    with replacing(folder / "curves.json") as temporary:
+        temporary.write_text(json.dumps(record, indent=1) + "\n")
+    return curves
+
+
+def _shared(configs: Sequence[TrainConfig]) -> dict[str, Any]:
+    """Settings all runs of the sweep have."""
+    settings = [dataclasses.asdict(c) for c in configs]
+    return {
+        name: value
+        for name, value in settings[0].items()
+        if name not in GRID and all(s[name] == value for s in settings)
+    }
+
+
+def _run_record(config: TrainConfig, runs: Path | str, errors: Mapping[str, str]) -> dict[str, Any]:
+    name = run_name(config)
+    found = _record(config, runs) or {"iteration": 0}
+    kept: dict[str, Any] = {"run": name}
+    kept |= {k: found[k] for k in ("iteration", "delta_kl", "parameters", "commit") if k in found}
+    if name in errors:
+        kept["error"] = errors[name]
+    return kept

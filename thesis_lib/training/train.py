@@ -1,0 +1,184 @@
+"""Bring a run to its last iteration, alone in its directory, and show how it goes."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import torch
+from threadpoolctl import threadpool_limits
+
+from thesis_lib.checkout import repository_root
+from thesis_lib.files import writable_directory
+from thesis_lib.training.checkpoint import FILES, read_checkpoint
+from thesis_lib.training.config import TrainConfig
+from thesis_lib.training.run import Training, TrainingStopped
+
+
+def default_directory(config: TrainConfig) -> Path:
+    """Where a run goes unless asked otherwise; every task, terrain, net and seed has its own."""
+    name = f"{config.task}-{config.terrain}-{config.architecture}-{config.seed}".lower()
+    return repository_root() / "_build" / "runs" / name
+
+
+def train(
+    config: TrainConfig,
+    directory: Path | str | None = None,
+    *,
+    resume: bool = True,
+    any_version: bool = False,
+    report: Callable[[Training], None] | None = None,
+) -> Training:
+    """Run a training to its last iteration.
+
+    Parameters
+    ----------
+    config
+        The run.
+    directory
+        Where its checkpoint and learning curve go; None keeps nothing.
+    resume
+        Whether to go on from a checkpoint in the directory.
+    any_version
+        Whether to go on from one that other code or other versions made.
+    report
+        Called after every iteration.
+
+    Returns
+    -------
+    Training
+        The finished run.
+
+    Raises
+    ------
+    TrainingStopped
+        When a number is not finite or the disk is full: the last good checkpoint stays as
+        it is.
+    ValueError
+        When the directory holds another run.
+    """
+    if directory is None:
+        return _train(config, None, resume, any_version, report)
+    folder = writable_directory(directory)
+    with _alone(folder):
+        return _train(config, folder, resume, any_version, report)
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Hold a directory, so that no two processes train into it at once.
+
+    The lock goes with the process however it ends, and leaves no file behind.
+    """
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise ValueError(
+                f"another process is training in {str(folder)!r}: wait for it, or choose another "
+                "directory."
+            ) from None
+        yield
+    finally:
+        os.close(handle)
+
+
+def _train(
+    config: TrainConfig,
+    folder: Path | None,
+    resume: bool,
+    any_version: bool,
+    report: Callable[[Training], None] | None,
+) -> Training:
+    has_checkpoint = folder is not None and (folder / "checkpoint.pt").exists()
+    if has_checkpoint and not resume:
+        raise ValueError(
+            f"{str(folder)!r} already holds a run: go on with it (resume), or choose another "
+            "directory."
+        )
+    if has_checkpoint and folder:
+        run = Training.load(folder, config, any_version=any_version)
+    else:
+        run = Training(config)
+    try:
+        if folder is not None:
+            # A run killed while it saved may have left an older curve and half a file.
+            run.save(folder)
+            for name in FILES:
+                for half in folder.glob(f".{name}.*"):
+                    half.unlink()
+        while run.iteration < config.iterations:
+            run.step()
+            last = run.iteration == config.iterations
+            if folder is not None and (last or run.iteration % config.checkpoint_every == 0):
+                run.save(folder)
+            if report is not None:
+                report(run)
+    except TrainingStopped as error:
+        if folder is None:
+            raise
+        if not (folder / "checkpoint.pt").exists():
+            raise TrainingStopped(f"{error} There is no checkpoint in {str(folder)!r}.") from error
+        good = read_checkpoint(folder)["iteration"]
+        raise TrainingStopped(
+            f"{error} The last good checkpoint, of iteration {good}, is in {str(folder)!r}."
+        ) from error
+    return run
+
+
+def use_one_thread() -> None:
+    """Put this process's linear algebra on one thread.
+
+    The nets are small, so that more threads make them slower; and a sum's last digits
+    depend on the number of threads, so that runs repeat exactly only on equal numbers.
+    """
+    torch.set_num_threads(1)
+    threadpool_limits(1)
+
+
+class TerminalReport:
+    """Show a run's progress on a terminal, and nothing elsewhere.
+
+    Parameters
+    ----------
+    iterations
+        Of the whole run.
+    """
+
+    def __init__(self, iterations: int) -> None:
+        self.iterations = iterations
+        self._shown = sys.stderr.isatty()
+        self._start: tuple[float, int] | None = None
+
+    def __call__(self, run: Training) -> None:
+        """Overwrite the line with the run's last iteration."""
+        if not self._shown:
+            return
+        row = run.rows[-1]
+        if self._start is None:
+            self._start = (time.perf_counter() - row["wall_seconds"], run.iteration - 1)
+        spent = time.perf_counter() - self._start[0]
+        pace = spent / (run.iteration - self._start[1])
+        left = pace * (self.iterations - run.iteration)
+        speed = (row["steps"] - (run.rows[-2]["steps"] if len(run.rows) > 1 else 0)) / max(
+            row["wall_seconds"], 1e-9
+        )
+        line = (
+            f"iteration {run.iteration}/{self.iterations}  return {row['mean_return']:.1f}  "
+            f"KL {row['kl']:.3f}  entropy {row['entropy']:.2f}  {speed:,.0f} steps/s  "
+            f"{_clock(left)} left"
+        )
+        end = "\n" if run.iteration == self.iterations else ""
+        print(f"\r{line:<78}", end=end, file=sys.stderr, flush=True)
+
+
+def _clock(seconds: float) -> str:
+    minutes, seconds = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours:d}:{minutes:02d}:{int(seconds):02d}"
