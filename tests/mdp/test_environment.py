@@ -6,7 +6,14 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from tests.mdp.examples import chain, grid, random_mdp
+from thesis_lib.domains import Domain
 from thesis_lib.mdp import TabularEnv, TabularMDP
+from thesis_lib.mdp.aggregated import learn_aggregated
+from thesis_lib.mdp.environment import from_gymnasium
+from thesis_lib.mdp.evaluation import evaluate
+from thesis_lib.mdp.learning import learn
+from thesis_lib.mdp.planning import policy_iteration, soft_policy_iteration, solve, value_iteration
+from thesis_lib.mdp.simulation import follow, simulate
 
 TASKS = {"grid": grid(3), "random": random_mdp(0, terminal=1), "continuing": random_mdp(1)}
 
@@ -103,3 +110,56 @@ def test_bad_use():
         TabularEnv(chain(2), render_mode="human")
     with pytest.raises(ValueError, match="observation is 'pixels'"):
         TabularEnv(chain(2), observation="pixels")
+
+
+@pytest.mark.parametrize("name", ["FrozenLake-v1", "CliffWalking-v1", "Taxi-v4"])
+def test_tables_of_gymnasium_become_tasks(name):
+    env = gymnasium.make(name)
+    task = from_gymnasium(env, 0.95)
+    assert task.n_states == env.observation_space.n
+    rng = np.random.default_rng(0)
+    seen, _ = env.reset(seed=0)
+    assert task.start[seen] > 0
+    for _ in range(500):
+        action = int(rng.integers(task.n_actions))
+        after, reward, terminated, truncated, _ = env.step(action)
+        assert task.transition[seen, action, after] > 0
+        assert task.transition_reward[seen, action, after] == pytest.approx(reward)
+        assert bool(task.terminal[after]) == terminated
+        seen = env.reset()[0] if terminated or truncated else after
+
+
+def test_frozen_lake_by_hand():
+    env = gymnasium.make("FrozenLake-v1", is_slippery=False, desc=["SF", "HG"])
+    task = from_gymnasium(env, 0.9)
+    # Right, then down, is 1 after one more step.
+    np.testing.assert_allclose(solve(task).v, [0.9, 1.0, 0.0, 0.0])
+    np.testing.assert_array_equal(task.terminal, [False, False, True, True])
+
+
+def test_an_environment_where_a_task_is_needed_is_told_what_to_pass():
+    lake, own, pole = (
+        gymnasium.make(name) for name in ("FrozenLake-v1", "thesis/Triangle-v0", "CartPole-v1")
+    )
+    for env, instead in (
+        (lake, r"thesis_lib.mdp.environment.from_gymnasium\(env, discount\)"),
+        (own, "its MDP, env.unwrapped.mdp"),
+        (pole, "an MDP such as TabularMDP"),
+    ):
+        for use in (
+            lambda task: learn(task, alpha=0.1, epsilon=0.1, rng=0, steps=3),
+            lambda task: learn_aggregated(task, [0], alpha=1, epsilon=0, rng=0, steps=3, every=1),
+            solve,
+            value_iteration,
+            policy_iteration,
+            lambda task: soft_policy_iteration(task, 0.1),
+            lambda task: evaluate(task, [0]),
+            lambda task: simulate(task, [0], episodes=1, rng=0),
+            lambda task: follow(task, [0], rng=0),
+            TabularEnv,
+            lambda task: Domain("mine", [task]),
+        ):
+            with pytest.raises(ValueError, match=f"a task is needed, but .* pass {instead}"):
+                use(env)
+    with pytest.raises(ValueError, match="lists no transitions"):
+        from_gymnasium(pole, 0.9)

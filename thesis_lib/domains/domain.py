@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import BoolArray, FloatArray, IntArray
+from thesis_lib.mdp.checks import require_mdp
 from thesis_lib.mdp.model import ATOL, MDP
 
 
@@ -83,7 +84,9 @@ class Domain:
                 f"members has {len(self.members)} masks for {n} tasks; give one mask a task."
             )
         first = self.tasks[0]
+        require_mdp(first)
         for name, task in zip(names, self.tasks, strict=True):
+            require_mdp(task)
             for what, got, expected in (
                 ("actions", task.actions, first.actions),
                 ("features", tuple(task.features), tuple(first.features)),

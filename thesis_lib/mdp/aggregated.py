@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.compiled import njit
-from thesis_lib.mdp.checks import generator, positive_integer, schedule, table
+from thesis_lib.mdp.checks import generator, positive_integer, require_mdp, schedule, table
 from thesis_lib.mdp.greedy import tie_tolerance
 from thesis_lib.mdp.learning import _choose, _first_state
 from thesis_lib.mdp.model import MDP
@@ -80,6 +80,7 @@ def learn_aggregated(
     -----
     Source: section 4.1.1, after equation 4.9.
     """
+    require_mdp(mdp)
     z = np.require(labels, np.int64, ["C", "W"])
     if z.shape != (mdp.n_states,) or z.min() < 0:
         raise ValueError(

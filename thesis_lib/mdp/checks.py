@@ -46,6 +46,20 @@ def one_of(name: str, value: Choice, allowed: Sequence[Choice]) -> Choice:
     return value
 
 
+def require_mdp(mdp: MDP) -> None:
+    """Raise ValueError, saying what to pass instead, unless it is an MDP."""
+    if isinstance(mdp, MDP):
+        return
+    inner = getattr(mdp, "unwrapped", None)
+    if isinstance(getattr(inner, "mdp", None), MDP):
+        instead = "its MDP, env.unwrapped.mdp"
+    elif hasattr(inner, "P"):
+        instead = "thesis_lib.mdp.environment.from_gymnasium(env, discount)"
+    else:
+        instead = "an MDP such as TabularMDP(transition, reward, start) or domain.tasks[0]"
+    raise ValueError(f"a task is needed, but {mdp!r:.200} was given; pass {instead}.")
+
+
 def positive_integer(name: str, value: int) -> int:
     """Return ``value`` if it is an integer of at least 1, and raise ValueError otherwise."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
@@ -195,6 +209,7 @@ def policy_matrix(policy: ArrayLike, mdp: MDP) -> FloatArray:
         When the shape is wrong, an index is no action, or a row of a non-terminal state
         is no probability distribution.
     """
+    require_mdp(mdp)
     given = np.asarray(policy)
     S, A = mdp.n_states, mdp.n_actions
     if given.shape == (S,) and np.issubdtype(given.dtype, np.integer):

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from thesis_lib.mdp.checks import one_of
-from thesis_lib.mdp.model import MDP
+from thesis_lib.mdp.checks import one_of, require_mdp
+from thesis_lib.mdp.model import MDP, TabularMDP
 from thesis_lib.mdp.sampling import draw, sampler
 
 Observation = Literal["state", "features"]
@@ -51,6 +52,7 @@ class TabularEnv(gymnasium.Env[Any, Any]):
     ) -> None:
         if render_mode is not None:
             raise ValueError(f"render_mode is {render_mode!r}, but this environment has none.")
+        require_mdp(mdp)
         one_of("observation", observation, OBSERVATIONS)
         self.mdp = mdp
         self.render_mode = render_mode
@@ -138,3 +140,59 @@ class TabularEnv(gymnasium.Env[Any, Any]):
         named = dict(zip(self.mdp.features, values.tolist(), strict=True))
         seen = values.copy() if self._by_features else np.int64(s)
         return seen, {"state": s, "features": named}
+
+
+def from_gymnasium(
+    env: gymnasium.Env[Any, Any], discount: float, features: Mapping[str, ArrayLike] | None = None
+) -> TabularMDP:
+    """The task of an environment that lists its transitions, such as ``FrozenLake-v1``.
+
+    Parameters
+    ----------
+    env
+        An environment that, as Gymnasium's own tabular ones do, has a table ``P`` of lists
+        ``P[s][a]`` of (probability, next state, reward, terminated), and the distribution
+        ``initial_state_distrib`` of its first state.
+    discount
+        gamma, which environments do not know.
+    features
+        Named integer features of the states, each of shape ``(S,)``; default one, ``state``.
+
+    Returns
+    -------
+    TabularMDP
+        States in which an episode has terminated absorb, whatever ``P`` lists for them.
+
+    Raises
+    ------
+    ValueError
+        When the environment has no such table.
+    """
+    inner = env.unwrapped
+    listed, start = getattr(inner, "P", None), getattr(inner, "initial_state_distrib", None)
+    if listed is None or start is None:
+        raise ValueError(
+            f"{inner} lists no transitions (P and initial_state_distrib), so its MDP is not "
+            "known; build a TabularMDP from what you know of it."
+        )
+    shape = (len(listed), len(listed[0]), len(listed))
+    transition, earned = np.zeros(shape), np.zeros(shape)
+    terminal = np.zeros(len(listed), dtype=bool)
+    for s, actions in listed.items():
+        for a, outcomes in actions.items():
+            for chance, t, reward, terminated in outcomes:
+                transition[s, a, t] += chance
+                earned[s, a, t] += chance * reward
+                terminal[t] |= terminated
+    transition[terminal], earned[terminal] = np.eye(shape[0])[terminal, None], 0.0
+    reward = earned.sum(axis=2)
+    np.divide(earned, transition, out=earned, where=transition > 0)
+    return TabularMDP(
+        transition,
+        reward,
+        np.asarray(start),
+        terminal,
+        discount,
+        features,  # type: ignore[arg-type]
+        transition_reward=earned,
+    )

@@ -16,6 +16,7 @@ from thesis_lib.mdp.checks import (
     generator,
     one_of,
     positive_integer,
+    require_mdp,
     schedule,
     table,
 )
@@ -283,6 +284,7 @@ def learn(
     *Schedules.*  The action taken in step t is chosen with the epsilon of t (or of its
     episode).
     """
+    require_mdp(mdp)
     one_of("method", method, METHODS)
     one_of("exploration", exploration, EXPLORATIONS)
     if (episodes is None) == (steps is None):

@@ -21,6 +21,7 @@ from thesis_lib.mdp.checks import (
     positive_integer,
     positive_number,
     probability,
+    require_mdp,
     state_values,
     table,
 )
@@ -262,6 +263,7 @@ def policy_iteration(
     RuntimeError
         When ``max_sweeps`` do not suffice.
     """
+    require_mdp(mdp)
     positive_number("theta", theta)
     positive_integer("max_sweeps", max_sweeps)
     v = np.zeros(mdp.n_states) if initial_v is None else state_values("initial_v", initial_v, mdp)
@@ -356,6 +358,7 @@ def value_iteration(
     RuntimeError
         When ``max_sweeps`` do not suffice.
     """
+    require_mdp(mdp)
     positive_number("tolerance", tolerance)
     positive_integer("max_sweeps", max_sweeps)
     if initial_v is not None and (synchronous or initial_q is not None):
@@ -433,6 +436,7 @@ def solve(mdp: MDP) -> Solution:
     ValueError
         When the discount is 1 and values are not finite.
     """
+    require_mdp(mdp)
     return soft_policy_iteration(mdp, 0.0)
 
 
@@ -471,6 +475,7 @@ def soft_policy_iteration(
     ValueError
         When an argument is out of range, or the discount is 1 and values are not finite.
     """
+    require_mdp(mdp)
     epsilon = probability("epsilon", epsilon)
     one_of("exploration", exploration, EXPLORATIONS)
     A = mdp.n_actions

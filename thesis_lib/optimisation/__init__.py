@@ -2,6 +2,7 @@
 
 from thesis_lib.optimisation.baseline import Baseline, LinearBaseline, baseline_features
 from thesis_lib.optimisation.conjugate_gradient import Solution, conjugate_gradient
+from thesis_lib.optimisation.gymnasium_task import GymnasiumTask
 from thesis_lib.optimisation.learner import Learner
 from thesis_lib.optimisation.natural import NaturalPG, full_step, natural_direction
 from thesis_lib.optimisation.ppo import PPO
@@ -27,6 +28,7 @@ __all__ = [
     "Algorithm",
     "Baseline",
     "Batch",
+    "GymnasiumTask",
     "Learner",
     "LinearBaseline",
     "LinearQuadraticTask",

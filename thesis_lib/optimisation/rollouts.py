@@ -18,6 +18,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+import gymnasium
+import gymnasium.vector
 import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
@@ -53,7 +55,8 @@ class Outcome(Protocol):
 class VectorTask(Protocol):
     """A task in n worlds; a world that has ended stands still until it is reset.
 
-    :class:`thesis_lib.locomotion.BatchTask` is one.
+    :class:`thesis_lib.locomotion.BatchTask` is one, and
+    :class:`thesis_lib.optimisation.GymnasiumTask` makes one of any environment.
     """
 
     @property
@@ -249,6 +252,11 @@ class _Recorder:
     def __init__(
         self, task: VectorTask, policy: GaussianPolicy, generator: np.random.Generator | None
     ) -> None:
+        if isinstance(task, gymnasium.Env | gymnasium.vector.VectorEnv):
+            raise ValueError(
+                f"a task in many worlds is needed, but {task} was given; pass "
+                "GymnasiumTask(id_or_function, n_worlds)."
+            )
         for name in ("observation_size", "action_size"):
             ours, theirs = getattr(policy, name), getattr(task, name)
             if ours != theirs:
