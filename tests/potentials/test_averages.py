@@ -171,6 +171,54 @@ def test_linear_weights_equal_the_tabular_mean(two_tasks):
     assert w == pytest.approx(potentials.cross_task_values(two_tasks, tables).ravel())
 
 
+def second_moments(f, p):
+    """F_m = sum_x p(x|m) f(x) f(x)^T."""
+    return np.einsum("mx,xi,xj->mij", p, f, f)
+
+
+def squared_error(w, f, p, q):
+    return float((np.asarray(p) * (np.asarray(q) - f @ w) ** 2).sum() / len(p))
+
+
+def test_where_features_overlap_and_weights_differ_eq_3_5_is_no_minimum():
+    f = np.array([[1, 1], [1, 0]])
+    p, q, own = np.eye(2), [[2.0, 2.0], [3.0, 3.0]], [[1.0, 1.0], [3.0, 0.0]]
+    printed = potentials.linear_cross_task_weights(own, p @ f)
+    best = potentials.least_squares_weights(own, second_moments(f, p))
+    assert printed == pytest.approx([2, 1])
+    assert squared_error(printed, f, p, q) == pytest.approx(1)
+    assert best == pytest.approx([3, -1])
+    assert squared_error(best, f, p, q) == pytest.approx(0, abs=1e-20)
+
+
+@pytest.mark.parametrize("kind", ["any", "no overlap", "same p"])
+def test_least_squares_weights_are_those_of_the_weighted_regression(kind):
+    """On random binary features, against lstsq on the stacked pairs of all tasks."""
+    rng = np.random.default_rng(8)
+    for _ in range(20):
+        n, pairs, tasks = 4, 12, 3
+        f = rng.integers(0, 2, (pairs, n)).astype(float)
+        if kind == "no overlap":
+            f = np.eye(n)[rng.integers(0, n, pairs)]
+        p = rng.dirichlet(np.ones(pairs), 1 if kind == "same p" else tasks)
+        p = np.broadcast_to(p, (tasks, pairs))
+        own, D = rng.normal(size=(tasks, n)), rng.dirichlet(np.ones(tasks))
+        moments = second_moments(f, p)
+        root = np.sqrt(D[:, None] * p)
+        rows, target = (root[:, :, None] * f).reshape(-1, n), (root * (own @ f.T)).ravel()
+        expected = np.linalg.lstsq(rows, target, rcond=None)[0]
+        found = potentials.least_squares_weights(own, moments, D)
+        assert f @ found == pytest.approx(f @ expected, abs=1e-9)
+        printed = potentials.linear_cross_task_weights(own, p @ f, D)
+        alike = np.allclose(f @ printed, f @ expected, atol=1e-9)
+        assert alike == (kind != "any")
+
+
+def test_least_squares_weights_refuse_moments_of_another_shape():
+    with pytest.raises(ValueError, match=r"moments \(2, 2\)"):
+        potentials.least_squares_weights(np.ones((2, 2)), np.ones((2, 2)))
+
+
 def test_shaping_rewards_by_hand():
     assert potentials.state_shaping([1.0, 3.0], 0.5, 0, 1) == 0.5 * 3 - 1
     assert potentials.look_ahead_advice([[1.0, 2.0], [3.0, 4.0]], 0.5, 0, 1, 1, 0) == 0.5 * 3 - 2

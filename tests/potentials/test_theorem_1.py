@@ -45,6 +45,58 @@ def test_the_objective_is_degenerate(bandits):
     assert theorem_1.log_geometric_mean(bandits.distribution, delta) == -np.inf
 
 
+def test_the_bound_is_an_affine_function_of_the_corrected_objective(bandits):
+    """Sufficient sweeps, task by task, against G: the same minimisers for every tolerance."""
+    rng = np.random.default_rng(1)
+    delta = rng.exponential(size=(50, 2))
+    for tolerance in (1e-6, 0.1, 5.0):
+        for row in delta:
+            bound = bandits.distribution @ theorem_1.sufficient_sweeps(row, tolerance, 0.5)
+            objective = theorem_1.truncated_objective(bandits.distribution, row, tolerance)
+            assert bound == pytest.approx((objective - np.log(tolerance)) / np.log(2))
+
+
+def test_minimisers_run_from_one_task_to_the_midrange(bandits):
+    """Q* = (2, 1) and (3, 6), 5 apart: one task for a small tolerance, both from 2.5 on.
+
+    In between, at distance d of one and 5 - d of the other, G = log max(d, e) max(5 - d, e) / 2
+    is concave in d above e, so that it is least at an end: d = e.
+    """
+    tables = potentials.optimal_solutions(bandits)
+    for tolerance, least in ((1e-3, 1e-3 * (5 - 1e-3)), (1.0, 4.0), (2.5, 6.25)):
+        found = theorem_1.truncated_minimiser(bandits, tables, tolerance)
+        delta = theorem_1.distances(bandits, tables, found)
+        value = theorem_1.truncated_objective(bandits.distribution, delta, tolerance)
+        assert value == pytest.approx(np.log(least) / 2)
+    middle = theorem_1.distances(bandits, tables, theorem_1.midrange(bandits, tables))
+    assert middle.max() == 2.5
+
+
+def test_the_heavier_of_two_sets_that_agree_wins():
+    """Tasks 0 and 1 agree, task 2 has more weight than either and less than both."""
+    domain = Domain(
+        "bandits",
+        (bandit([1.0, 0.0]), bandit([1.0, 0.0]), bandit([0.0, 3.0])),
+        distribution=np.array([0.3, 0.3, 0.4]),
+    )
+    tables = potentials.optimal_solutions(domain)
+    delta = theorem_1.distances(domain, tables, theorem_1.truncated_minimiser(domain, tables, 1e-4))
+    assert (delta[:2] < 2e-4).all()
+    assert delta[2] > 1
+
+
+def test_truncated_minimiser_beats_a_search(bandits):
+    tables = potentials.optimal_solutions(bandits)
+    found = theorem_1.distances(
+        bandits, tables, theorem_1.truncated_minimiser(bandits, tables, 0.3)
+    )
+    lowest = theorem_1.truncated_objective(bandits.distribution, found, 0.3)
+    for x in np.linspace(1, 4, 31):
+        for y in np.linspace(0, 7, 71):
+            delta = theorem_1.distances(bandits, tables, [[x, y]])
+            assert theorem_1.truncated_objective(bandits.distribution, delta, 0.3) > lowest - 1e-9
+
+
 def test_midrange_and_mean_distance_by_hand(bandits):
     tables = potentials.optimal_solutions(bandits)
     assert theorem_1.midrange(bandits, tables).tolist() == [[2.5, 3.5]]

@@ -103,6 +103,11 @@ def linear_cross_task_weights(
 
     .. math:: w_d^i = \sum_m p(m|f^i = 1) w_m^i
 
+    It solves (3.3) where no two features are ever active together (state aggregation, one
+    tiling), and where the tasks share the features' second moments and their sum is regular,
+    where it is the mean of the weights.  Elsewhere it does not: see
+    :func:`least_squares_weights`.
+
     Parameters
     ----------
     task_weights
@@ -134,6 +139,51 @@ def linear_cross_task_weights(
     weighted, total = np.bincount(groups, weighted), np.bincount(groups, total)
     mean = np.divide(weighted, total, out=np.full(len(total), float(fill)), where=total > 0)
     return np.asarray(mean[groups])
+
+
+def least_squares_weights(
+    task_weights: ArrayLike, moments: ArrayLike, distribution: ArrayLike | None = None
+) -> FloatArray:
+    r"""Cross-task weights that solve (3.3) for any linear function approximator.
+
+    With :math:`F_m = \sum_x p(x|m) f(x) f(x)^\top` the error :math:`\sum_m D(m) (w_m - w)^\top
+    F_m (w_m - w)` is least where
+
+    .. math:: \Bigl(\sum_m D(m) F_m\Bigr) w_d = \sum_m D(m) F_m w_m.
+
+    Equation 3.5 is this with the matrices' diagonals only.
+
+    Parameters
+    ----------
+    task_weights
+        :math:`w_m`, shape ``(M, n)``.
+    moments
+        :math:`F_m`, shape ``(M, n, n)``.
+    distribution
+        D(m), shape ``(M,)``; default uniform.
+
+    Returns
+    -------
+    FloatArray
+        :math:`w_d`, shape ``(n,)``; of all solutions the shortest.
+
+    Notes
+    -----
+    If the first task knows only a pair with both of two features, worth 2 by weights (1, 1), and
+    the second only a pair with the first feature, worth 3, then (3, -1) meets both without
+    error; (3.5) gives (2, 1), with a mean squared error of 1.
+    """
+    w, F = np.asarray(task_weights, dtype=float), np.asarray(moments, dtype=float)
+    if w.ndim != 2 or F.shape != (*w.shape, w.shape[1]):
+        raise ValueError(
+            f"task_weights has shape {w.shape} and moments {F.shape}, but (tasks, features) and "
+            "(tasks, features, features) are needed."
+        )
+    n_tasks = len(w)
+    D = np.full(n_tasks, 1 / n_tasks) if distribution is None else np.asarray(distribution, float)
+    left = np.einsum("m,mij->ij", D, F)
+    right = np.einsum("m,mij,mj->i", D, F, w)
+    return np.asarray(np.linalg.lstsq(left, right, rcond=None)[0])
 
 
 def q_star(domain: Domain, weights: ArrayLike | None = None) -> FloatArray:

@@ -6,9 +6,28 @@ Synchronous value iteration contracts: after n sweeps of task m,
 enough that :math:`n \ge \log_\gamma(\varepsilon / \delta_m)`, and over tasks (eq. 3.2) the
 bound is smallest where the weighted geometric mean of the :math:`\delta_m` is.
 
-The theorem's objective is degenerate: at any single task's :math:`Q^*_m` one factor, and
-so the product, is 0.  :func:`geometric_mean_minimiser` therefore minimises
-:math:`\sum_m D(m) \log(\delta_m + \tau)`, which is finite for :math:`\tau > 0`.
+What the proof leaves out is that a task within :math:`\varepsilon` needs no sweep, not fewer than
+none: it assumes :math:`\varepsilon < \delta_m`, and its objective, the geometric mean, is then
+degenerate, 0 at every single task's :math:`Q^*_m`.  With the truncation,
+
+.. math:: \bar n(Q_0) = \sum_m D(m) \log_\gamma \frac{\varepsilon}{\max(\delta_m, \varepsilon)}
+          = \frac{G_\varepsilon(Q_0) - \log \varepsilon}{\log(1/\gamma)}, \qquad
+          G_\varepsilon(Q_0) = \sum_m D(m) \log \max(\delta_m, \varepsilon),
+
+so that **the sufficient number of sweeps is least exactly where** :math:`G_\varepsilon` **is**
+(:func:`truncated_objective`); no assumption on the distances is left.
+
+*Minimisers.*  Where one function is within :math:`\varepsilon` of all tasks, it is one, as the
+midrange is for every :math:`\varepsilon` from the largest half distance of two tasks' values on.
+As :math:`\varepsilon \to 0` **a minimiser solves a heaviest set of tasks that agree where they
+overlap** (a single task where all differ), and among these has the least
+:math:`\sum_{m \notin S} D(m) \log \delta_m` over the rest.  For let two tasks that disagree be at
+least :math:`2 \varepsilon_0` apart on a pair they share.  Of those two one has :math:`\delta \ge
+\varepsilon_0` whatever :math:`Q_0` is, so the tasks with :math:`\delta_m < \varepsilon_0` agree,
+their weight is at most the heaviest set's w, and :math:`G_\varepsilon \ge w \log \varepsilon +
+(1 - w) \log \varepsilon_0` for :math:`\varepsilon \le \varepsilon_0`.  The heaviest set attains
+:math:`w \log \varepsilon + O(1)`; a lighter one cannot for small :math:`\varepsilon`.
+:math:`\square`  So for high precision theorem 1 tells to bet on one task.
 """
 
 from __future__ import annotations
@@ -49,6 +68,21 @@ def log_geometric_mean(distribution: ArrayLike, delta: ArrayLike) -> float:
     r"""The theorem's objective :math:`\log\prod_m \delta_m^{D(m)}`; minus infinity at a zero."""
     with np.errstate(divide="ignore"):
         return float(np.dot(np.asarray(distribution), np.log(np.asarray(delta))))
+
+
+def truncated_objective(distribution: ArrayLike, delta: ArrayLike, tolerance: float) -> float:
+    r"""The corrected objective :math:`\sum_m D(m) \log\max(\delta_m, \varepsilon)`.
+
+    Parameters
+    ----------
+    distribution
+        D(m), shape ``(M,)``.
+    delta
+        :math:`\delta_m`, shape ``(M,)``.
+    tolerance
+        :math:`\varepsilon > 0`.
+    """
+    return log_geometric_mean(distribution, np.maximum(np.asarray(delta, float), tolerance))
 
 
 def sufficient_sweeps(delta: ArrayLike, tolerance: float, discount: float) -> FloatArray:
@@ -115,11 +149,14 @@ def midrange(domain: Domain, tables: Sequence[ArrayLike]) -> FloatArray:
 
 
 def mean_distance_minimiser(
-    domain: Domain, tables: Sequence[ArrayLike], weights: ArrayLike | None = None
+    domain: Domain,
+    tables: Sequence[ArrayLike],
+    weights: ArrayLike | None = None,
+    floor: float = 0.0,
 ) -> FloatArray:
     r"""Initialisation with the smallest weighted mean distance, a linear programme.
 
-    .. math:: \min_{Q_0} \sum_m w_m \delta_m \quad
+    .. math:: \min_{Q_0} \sum_m w_m \max(\delta_m, \varepsilon) \quad
               \text{s.t. } |Q^*_m(x) - Q_0(x)| \le \delta_m
 
     Parameters
@@ -130,6 +167,8 @@ def mean_distance_minimiser(
         :math:`Q^*_m`, each ``(S_m, A)``.
     weights
         :math:`w_m \ge 0`, shape ``(M,)``; default D(m).
+    floor
+        :math:`\varepsilon`: distances below it count as it.
 
     Returns
     -------
@@ -149,7 +188,7 @@ def mean_distance_minimiser(
         np.concatenate([np.zeros(n_pairs), w]),
         A_ub=sparse.vstack([above - slack, -above - slack]).tocsr(),
         b_ub=np.concatenate([value, -value]),
-        bounds=[(None, None)] * n_pairs + [(0, None)] * n_tasks,
+        bounds=[(None, None)] * n_pairs + [(floor, None)] * n_tasks,
         method="highs",
     )
     if not solution.success:
@@ -209,6 +248,57 @@ def geometric_mean_minimiser(
             q0, value = candidate, improved
         if value < lowest:
             best, lowest = q0, value
+    assert best is not None
+    return best
+
+
+def truncated_minimiser(
+    domain: Domain,
+    tables: Sequence[ArrayLike],
+    tolerance: float,
+    *,
+    starts: Sequence[ArrayLike] = (),
+    iterations: int = 20,
+) -> FloatArray:
+    r"""Local minimiser of :math:`G_\varepsilon = \sum_m D(m)\log\max(\delta_m, \varepsilon)`.
+
+    The logarithm lies below its tangents, so the linear programme with weights :math:`D(m) /
+    \max(\delta_m, \varepsilon)` and the same truncation lowers the objective or stops.
+
+    Parameters
+    ----------
+    domain
+        The domain.
+    tables
+        :math:`Q^*_m`, each ``(S_m, A)``.
+    tolerance
+        :math:`\varepsilon > 0`, in the units of value.
+    starts
+        Initialisations ``(O, A)`` to descend from, besides the midrange, the mean and every
+        task's own values; the best end is returned.
+    iterations
+        Most programmes a start.
+
+    Returns
+    -------
+    FloatArray
+        Shape ``(O, A)``.
+    """
+    _check(tolerance, domain.discount)
+    mean = mean_distance_minimiser(domain, tables)
+    alone = [single_task(domain, tables, m, mean) for m in range(len(domain))]
+    best, lowest = None, np.inf
+    for start in (mean, midrange(domain, tables), *alone, *starts):
+        q0, value = np.asarray(start, dtype=float), np.inf
+        for _ in range(iterations):
+            delta = np.maximum(distances(domain, tables, q0), tolerance)
+            reached = log_geometric_mean(domain.distribution, delta)
+            if reached < lowest - 1e-9:
+                best, lowest = q0, reached
+            if reached > value - 1e-9:
+                break
+            weights, value = domain.distribution / delta, reached
+            q0 = mean_distance_minimiser(domain, tables, weights / weights.sum(), tolerance)
     assert best is not None
     return best
 
