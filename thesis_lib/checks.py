@@ -20,9 +20,12 @@ _KINDS: Mapping[type, tuple[Any, str]] = {
 
 
 def check_seed(seed: int) -> int:
-    """Return the seed if it is a non-negative integer; ValueError otherwise."""
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise ValueError(f"seed is {shown(seed)}, but a seed must be an integer of at least 0.")
+    """Return the seed if it is an integer from 0 to below 2**64, as torch's; else ValueError."""
+    whole = isinstance(seed, Integral) and not isinstance(seed, bool)
+    if not whole or not 0 <= int(seed) < 2**64:
+        raise ValueError(
+            f"seed is {shown(seed)}, but a seed must be an integer of at least 0 and below 2**64."
+        )
     return int(seed)
 
 

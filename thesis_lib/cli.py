@@ -30,7 +30,7 @@ from thesis_lib.edition.experiment import (
     results_directory,
     writable_directory,
 )
-from thesis_lib.locomotion.rendering import NoGL
+from thesis_lib.locomotion.rendering import NoGL, check_gl
 from thesis_lib.training import curves
 from thesis_lib.training.checkpoint import read_checkpoint
 from thesis_lib.training.config import TrainConfig, idle_settings, task_name
@@ -241,6 +241,7 @@ class Evaluate:
             writable_directory(self.out)
         if self.film is not None:
             check_film(self.film, config, self.film_run)
+            check_gl()
         use_one_thread()
         table = evaluate(trained, config)
         print(

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.surroundings import python
 from thesis_lib.locomotion import rendering
 from thesis_lib.locomotion.rendering import NoGL, Renderer, View, dress, film, portrait
 from thesis_lib.locomotion.robots import build_model, get_robot
@@ -161,3 +162,14 @@ def test_where_the_driver_is_missing_one_sentence_says_what_to_do():
     assert len(done.stdout.strip().splitlines()) == 1
     assert "egl did not start" in done.stdout
     assert "apt-get install libegl1 libopengl0 libgl1-mesa-dri" in done.stdout
+
+
+@pytest.mark.parametrize("backend", ["nonsense", "osmesa", "egl", "glfw", "disable", "1"])
+def test_what_mujoco_gl_names_matters_to_drawing_only(backend: str) -> None:
+    code = (
+        "import os\nfrom thesis_lib.locomotion import make_task\nimport mujoco\n"
+        "make_task('Hopper'); print(mujoco.__name__, os.environ['MUJOCO_GL'])"
+    )
+    done = python("-c", code, env={"MUJOCO_GL": backend})
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["mujoco", backend]

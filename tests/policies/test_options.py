@@ -35,6 +35,14 @@ def test_the_seed_decides_and_nothing_global_does(architecture: str) -> None:
 
 
 @pytest.mark.parametrize("architecture", ARCHITECTURES)
+@pytest.mark.parametrize("seed", [2**64, -1, 1.0, True])
+def test_seeds_that_there_are_not(architecture: str, seed: object) -> None:
+    with pytest.raises(ValueError, match="must be an integer of at least 0 and below"):
+        make_policy(architecture, 4, 2, dt=0.1, seed=seed)
+    make_policy(architecture, 4, 2, dt=0.1, seed=2**64 - 1)
+
+
+@pytest.mark.parametrize("architecture", ARCHITECTURES)
 def test_the_scale_of_the_head_is_that_of_the_mean(architecture: str) -> None:
     whole = make_policy(architecture, 4, 2, dt=0.1, dtype=torch.float64)
     tenth = make_policy(architecture, 4, 2, dt=0.1, head_scale=0.1, dtype=torch.float64)

@@ -81,6 +81,11 @@ def _open_context(width: int, height: int) -> Any:
     return context
 
 
+def check_gl() -> None:
+    """Open a context and close it again; NoGL says what is missing, before work is lost on it."""
+    _open_context(8, 8).free()
+
+
 @dataclass(frozen=True)
 class View:
     """Where the camera stands.

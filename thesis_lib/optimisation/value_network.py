@@ -14,7 +14,7 @@ from torch.nn import functional
 
 from thesis_lib.arrays import FloatArray, IntArray
 from thesis_lib.optimisation.problem import check_positive
-from thesis_lib.policies.base import empty_linear
+from thesis_lib.policies.base import empty_linear, random_source
 
 
 def set_gradient(layers: Sequence[nn.Linear], x: Tensor, target: Tensor) -> None:
@@ -102,7 +102,7 @@ class ValueNetwork:
         self.epochs = epochs
         self.minibatch = minibatch
         self.dtype = dtype
-        self._generator = torch.Generator().manual_seed(seed)
+        self._generator = random_source(seed)
         self._net: nn.Sequential | None = None
         self._adam: torch.optim.Adam | None = None
 

@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from thesis_lib.checks import check_seed
 from thesis_lib.policies.packing import Packing
 
 
@@ -432,6 +433,11 @@ def uniform_(weight: Tensor, bound: float, generator: torch.Generator) -> None:
     draw = torch.rand(weight.shape, generator=generator, dtype=torch.float64)
     with torch.no_grad():
         weight.copy_((2 * draw - 1) * bound)
+
+
+def random_source(seed: int) -> torch.Generator:
+    """Torch's generator of a seed; ValueError for what is no integer from 0 to below 2**64."""
+    return torch.Generator().manual_seed(check_seed(seed))
 
 
 def glorot_(weight: Tensor, generator: torch.Generator, blocks: int = 1) -> None:

@@ -10,7 +10,7 @@ import torch
 from scipy.sparse.linalg import ArpackNoConvergence, eigs
 from torch import Tensor
 
-from thesis_lib.policies.base import Linearised, Sequences, glorot_, uniform_
+from thesis_lib.policies.base import Linearised, Sequences, glorot_, random_source, uniform_
 from thesis_lib.policies.recurrence import RecurrentLinearised
 from thesis_lib.policies.recurrent import Recur, RecurrentPolicy
 
@@ -113,7 +113,7 @@ class ESN(RecurrentPolicy):
         self.spectral_radius = float(spectral_radius)
         self.density = float(density)
         self.leak = float(leak)
-        generator = torch.Generator().manual_seed(seed)
+        generator = random_source(seed)
         uniform_(self.input.weight, WEIGHT_BOUND, generator)
         self._fill_reservoir(generator)
         glorot_(self.head.weight, generator)

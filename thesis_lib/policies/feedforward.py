@@ -16,6 +16,7 @@ from thesis_lib.policies.base import (
     Sequences,
     empty_linear,
     glorot_,
+    random_source,
 )
 
 Activation = Callable[[Tensor], Tensor]
@@ -103,7 +104,7 @@ class FeedforwardPolicy(GaussianPolicy):
         )
         if not bias:
             self.head = empty_linear(self.hidden_size, action_size, bias=False, dtype=dtype)
-        generator = torch.Generator().manual_seed(seed)
+        generator = random_source(seed)
         for layer in [*self.layers, self.head]:
             if initialisation == "glorot":
                 glorot_(layer.weight, generator)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from thesis_lib.policies.base import glorot_, orthogonal_
+from thesis_lib.policies.base import glorot_, orthogonal_, random_source
 from thesis_lib.policies.recurrent import Recur, RecurrentPolicy
 
 INITIALISATIONS = ("glorot", "orthogonal")
@@ -29,7 +29,7 @@ class _Gated(RecurrentPolicy):
     """Initialisation shared by the gated nets."""
 
     def _initialise(self, initialisation: str, seed: int) -> None:
-        generator = torch.Generator().manual_seed(seed)
+        generator = random_source(seed)
         glorot_(self.input.weight, generator, blocks=self.gates)
         if initialisation == "orthogonal":
             orthogonal_(self.recurrent.weight, ORTHOGONAL_GAIN, generator, blocks=self.gates)

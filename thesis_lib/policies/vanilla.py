@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from thesis_lib.policies.base import glorot_
+from thesis_lib.policies.base import glorot_, random_source
 from thesis_lib.policies.recurrent import Recur, RecurrentPolicy
 
 INTEGRATORS = ("heun", "euler", "midpoint")
@@ -64,7 +64,7 @@ class DTRNN(RecurrentPolicy):
             min_log_std=min_log_std,
             dtype=dtype,
         )
-        generator = torch.Generator().manual_seed(seed)
+        generator = random_source(seed)
         for layer in (self.input, self.recurrent, self.head):
             glorot_(layer.weight, generator)
 
