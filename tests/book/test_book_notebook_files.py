@@ -7,6 +7,7 @@ from typing import Any
 import nbformat
 import pytest
 import yaml
+from nbconvert import ScriptExporter
 
 from thesis_lib.book.sources import code_cells, parameter_names, read
 from thesis_lib.edition.page import assigned_names
@@ -38,6 +39,12 @@ class TestNotebook:
             assert cell.outputs == [], f"{cell.id} has outputs"
             assert cell.execution_count is None, f"{cell.id} has an execution count"
         assert "widgets" not in notebook.metadata
+
+    def test_becomes_a_script_that_python_runs(self, path: Path) -> None:
+        """``jupyter nbconvert --to script`` asks the notebook for the language's own exporter."""
+        written, resources = ScriptExporter().from_filename(path)
+        assert resources["output_extension"] == ".py"
+        compile(written, path.stem, "exec")
 
     def test_ids_are_stable_readable_and_unique(self, path: Path, notebook: Any) -> None:
         ids = [cell.id for cell in notebook.cells]
