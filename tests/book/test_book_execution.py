@@ -8,6 +8,7 @@ import nbformat
 import pytest
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
+from tests.surroundings import python
 from thesis_lib.book.build import _listed, build, collect_tables
 from thesis_lib.book.execution import Run, execute, finished, plan
 from thesis_lib.book.paths import Paths
@@ -147,6 +148,17 @@ def test_what_editors_and_file_managers_leave_does_not_matter(root: Path) -> Non
     assert [f.name for f in (staged / "book").iterdir()] == ["intro.md"]
 
 
+def test_a_redirected_build_has_no_colour_codes(tmp_path: Path) -> None:
+    (tmp_path / "_config.yml").write_text("title: t\nexecute: {execute_notebooks: 'off'}\n")
+    (tmp_path / "_toc.yml").write_text("format: jb-book\nroot: intro\n")
+    (tmp_path / "intro.md").write_text("# Intro\n\n{ref}`nowhere`\n")
+    folders = [str(tmp_path), str(tmp_path / "html"), str(tmp_path / "doctrees")]
+    done = python("-m", "thesis_lib.book.render", *folders, "--strict")
+    assert done.returncode == 1
+    assert "undefined label: 'nowhere'" in done.stderr
+    assert "\x1b" not in done.stderr + done.stdout
+
+
 def test_a_folder_without_a_book_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="there is no book in"):
         Paths.of("smoke", tmp_path)
@@ -209,6 +221,8 @@ class TestRunning:
     def test_failure_says_where_and_why(self, outcome: Any) -> None:
         paths, _, errors, said = outcome
         assert "ZeroDivisionError" in str(errors["failing"])
+        assert "\x1b" not in str(errors["failing"])
+        assert "\x1b" not in (paths.reports / "failing.log").read_text()
         assert (paths.reports / "failing.ipynb").exists()
         assert any("failing: FAILED" in line for line in said)
 

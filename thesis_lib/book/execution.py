@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import nbformat
+from nbconvert.filters import strip_ansi
 
 from thesis_lib.book.child import Children
 from thesis_lib.book.paths import Paths
@@ -323,7 +324,6 @@ def surroundings(paths: Paths) -> dict[str, str]:
         "MPLCONFIGDIR": str(_matplotlib(paths)),
         "PYTHONPATH": str(paths.root),
         "PYTHONUTF8": "1",
-        "NO_COLOR": "1",
     }
 
 
@@ -365,6 +365,7 @@ def _matplotlib(paths: Paths) -> Path:
 def _failure(task: Task, paths: Paths, output: Path, printed: str) -> str:
     """Keep what is left of a failed run and say in a few lines what went wrong."""
     log = paths.reports / f"{task.name}.log"
+    printed = strip_ansi(printed)
     log.write_text(printed, encoding="utf-8")
     if output.exists():
         output.replace(paths.reports / f"{task.name}.ipynb")

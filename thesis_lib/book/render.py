@@ -36,7 +36,10 @@ def render(source: Path, html: Path, doctrees: Path, *, strict: bool) -> int:
         Whether a warning, an unresolved reference among them, makes the build fail.
     """
     from jupyter_book.sphinx import build_sphinx
+    from sphinx.util.console import color_terminal, nocolor
 
+    if not color_terminal():
+        nocolor()  # Sphinx's own command does so; a log file is for reading
     config = source / "_config.yml"
     status = build_sphinx(
         str(source),
