@@ -34,6 +34,7 @@ def small_copy(folder: Path, **modules: str) -> Path:
         shutil.copy(ROOT / "thesis_lib" / name, package)
     for name, text in modules.items():
         (package / f"{name}.py").write_text(text)
+    (package / "registration.py").write_text("def register():\n    pass\n")
     (folder / "pyproject.toml").write_text("")
     return folder
 
