@@ -11,6 +11,7 @@ import abc
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -119,6 +120,9 @@ class GaussianPolicy(nn.Module, abc.ABC):
 
     architecture: str = ""
     """Name by which :func:`~thesis_lib.policies.make_policy` knows the network."""
+
+    recipe: dict[str, Any] | None = None
+    """Arguments by which :func:`~thesis_lib.policies.make_policy` made it, as plain values."""
 
     def __init__(
         self,

@@ -163,6 +163,16 @@ def make_policy(
     except TypeError as error:
         raise ValueError(f"architecture {architecture!r} does not take this: {error}.") from error
     policy.architecture = architecture
+    policy.recipe = {
+        "architecture": architecture,
+        "observation_size": observation_size,
+        "action_size": action_size,
+        "dt": dt,
+        "units": None if architecture in DEEP_NETS else units,
+        "features": chosen,
+        "dtype": str(dtype).removeprefix("torch."),
+        **options,
+    }
     with torch.no_grad():
         policy.head.weight.mul_(head_scale)
     return policy
