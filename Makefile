@@ -25,10 +25,11 @@ test: setup  ## run all tests but the slow ones
 test-slow: setup  ## run the slow tests
 	@$(RUN) $(PYTEST) -m slow tests
 
-lint: setup  ## check style, formatting and types
+lint: setup  ## check style, formatting, types and workflows
 	@$(RUN) ruff check .
 	@$(RUN) ruff format --check .
 	@$(RUN) mypy
+	@$(RUN) check_jsonschema --quiet --builtin-schema vendor.github-workflows .github/workflows/*.yml
 
 # The environment is good while the stamp names this folder, pyproject.toml and constraints.txt
 # as they are; a checkout that only changed their dates installs nothing again.
