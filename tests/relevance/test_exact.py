@@ -32,6 +32,7 @@ from thesis_lib.relevance import (
     keep,
     list_sequences,
     rate,
+    second_rate,
     relevance,
     remove,
 )
@@ -289,3 +290,19 @@ def test_bad_input_is_refused(case: str) -> None:
     arguments = {"labels": [0] * 6, "k": 1, **change}
     with pytest.raises(ValueError, match=message):
         k_relevance(world(0, "shared"), arguments.pop("labels"), arguments.pop("k"), **arguments)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_rest_after_the_rate_is_of_second_order(kind: str) -> None:
+    """k^2 (rho_k - rho_inf - c/k), extrapolated in 1/k, against the coefficient derived."""
+    for seed in range(4):
+        solutions, y, D = world(seed, kind, 3), labels(seed, 6), distribution(seed, 3)
+        k = np.array([400, 800])
+        rho = k_relevance(solutions, y, k, distribution=D)
+        limit = domain_relevance(solutions, y, distribution=D)
+        rest = k**2 * (rho - limit - rate(solutions, y, distribution=D) / k)
+        expected = second_rate(solutions, y, distribution=D)
+        size = max(abs(expected), 0.1)
+        assert abs(2 * rest[1] - rest[0] - expected) < 0.05 * size
+    if kind == "shared":
+        assert expected == pytest.approx(0, abs=1e-9)

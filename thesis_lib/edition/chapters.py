@@ -27,14 +27,23 @@ ItemT = TypeVar("ItemT", Experiment[Any], Claim, Difference)
 
 
 def chapter(name: str) -> Chapter:
-    """A chapter's results, in the form it has: ``thesis_lib.NAME``, or the old one."""
+    """A chapter's results: of ``thesis_lib.NAME``, of the old form or, while they move, of both."""
+    parts = []
     if find_spec(f"thesis_lib.{name}"):
-        return read_chapter(import_module(f"thesis_lib.{name}"))
-    ledgers = [import_module(f"thesis_lib.claims.{m}") for m in LEDGERS.get(name, (name,))]
+        parts.append(read_chapter(import_module(f"thesis_lib.{name}")))
+    if find_spec(f"thesis_lib.experiments.{name}"):
+        ledgers = [import_module(f"thesis_lib.claims.{m}") for m in LEDGERS.get(name, (name,))]
+        parts.append(
+            Chapter(
+                import_module(f"thesis_lib.experiments.{name}").EXPERIMENTS,
+                tuple(chain.from_iterable(m.CLAIMS for m in ledgers)),
+                tuple(chain.from_iterable(m.DIFFERENCES for m in ledgers)),
+            )
+        )
     return Chapter(
-        import_module(f"thesis_lib.experiments.{name}").EXPERIMENTS,
-        tuple(chain.from_iterable(m.CLAIMS for m in ledgers)),
-        tuple(chain.from_iterable(m.DIFFERENCES for m in ledgers)),
+        tuple(chain.from_iterable(part.experiments for part in parts)),
+        tuple(chain.from_iterable(part.claims for part in parts)),
+        tuple(chain.from_iterable(part.differences for part in parts)),
     )
 
 

@@ -23,6 +23,7 @@ from thesis_lib.relevance.exact import (
     feature_k_relevance,
     k_relevance,
     rate,
+    second_rate,
 )
 from thesis_lib.relevance.linear import (
     Basis,
@@ -81,5 +82,6 @@ __all__ = [
     "remove",
     "sample_combinations",
     "sampled_k_relevance",
+    "second_rate",
     "sequence_covariance",
 ]

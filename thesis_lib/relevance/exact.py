@@ -198,6 +198,39 @@ def rate(
     return float(_leading(ground(solutions), D) - _leading(cells, D))
 
 
+def second_rate(
+    solutions: Solutions, labels: ArrayLike, *, distribution: ArrayLike | None = None
+) -> float:
+    r"""Coefficient of the second term, :math:`\lim k^2 (\rho_k - \rho_\infty - c/k)`.
+
+    With :math:`a' = a - rb` and :math:`\bar a', \bar b` the means over k independent tasks, a
+    cell's remainder is :math:`\mathrm{E}\, \bar a'^2 / \bar b`.  Expand :math:`1/\bar b` about
+    :math:`B = \mathrm{E} b` with the exact rest :math:`(\bar b - B)^2 / (B^2 \bar b)`:
+
+    .. math:: \mathrm{E} \frac{\bar a'^2}{\bar b} = \frac{\mathrm{E} \bar a'^2}{B}
+              - \frac{\mathrm{E} \bar a'^2 (\bar b - B)}{B^2}
+              + \mathrm{E} \frac{\bar a'^2 (\bar b - B)^2}{B^2\, \bar b}.
+
+    The first is :math:`\mathrm{Var}(a')/(kB)`, the second :math:`-\mathrm{E} a'^2(b - B)/(k^2
+    B^2)`, both exactly, as means of independent centred terms.  Where :math:`\bar b \ge B/2` the
+    third is at most :math:`2\, \mathrm{E} \bar a'^2 (\bar b - B)^2 / B^3`, a fourth moment of
+    means and so :math:`O(1/k^2)`; elsewhere :math:`\bar a'^2 / \bar b \le \max a'^2/b` by Cauchy
+    and Schwarz, and by Hoeffding the chance is :math:`e^{-\Omega(k)}`.  **So the rest after c/k is
+    O(1/k²)**, for which the law of large numbers alone, giving o(1/k), is not enough.  Its leading
+    coefficient is, summed over the pairs less over the cells of :math:`\phi`,
+
+    .. math:: -\frac{\mathrm{E} a'^2 (b - B)}{B^2}
+              + \frac{\mathrm{Var}(a')\,\mathrm{Var}(b) + 2\,\mathrm{Cov}(a', b)^2}{B^3}.
+
+    Parameters
+    ----------
+    solutions, labels, distribution
+        As for :func:`k_relevance`.
+    """
+    D = check_distribution(distribution, solutions.n_tasks)
+    return _second(ground(solutions), D) - _second(partition(solutions, labels), D)
+
+
 def explained(cells: Cells, k: ArrayLike, distribution: FloatArray) -> FloatArray:
     r"""Expected explained mean square :math:`\mathrm{E}[E_c(\mathcal{P})]`, i.i.d. sequences.
 
@@ -432,6 +465,15 @@ def _leading(cells: Cells, D: FloatArray) -> float:
     b = cells.b[0] if cells.shared else D @ cells.b
     seen = b > 0
     return float((D @ a[:, seen] ** 2 / b[seen]).sum())
+
+
+def _second(cells: Cells, D: FloatArray) -> float:
+    b = np.broadcast_to(cells.b, cells.a.shape)
+    a, mean = cells.a - _ratio(cells, D) * b, D @ b
+    a, d, mean = a[:, mean > 0], (b - mean)[:, mean > 0], mean[mean > 0]
+    skew = D @ (a * a * d)
+    product = (D @ a**2) * (D @ d**2) + 2 * (D @ (a * d)) ** 2
+    return float((product / mean**3 - skew / mean**2).sum())
 
 
 def _classify(b: FloatArray) -> tuple[FloatArray, BoolArray, BoolArray]:
