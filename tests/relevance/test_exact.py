@@ -32,9 +32,9 @@ from thesis_lib.relevance import (
     keep,
     list_sequences,
     rate,
-    second_rate,
     relevance,
     remove,
+    second_rate,
 )
 
 # Tasks of different sizes that share some pairs: all three cases of the formula occur.

@@ -1,0 +1,121 @@
+"""Chapter 4's results of the new form: tables, criteria that can fail, and what is known exactly."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thesis_lib import chapter4
+from thesis_lib.chapter4 import contraction, joint_search, prediction, sampled_threshold
+from thesis_lib.edition.ledger import Verdict, read_chapter
+
+CHAPTER = read_chapter(chapter4)
+
+
+@pytest.fixture(scope="module")
+def tables() -> dict[str, pd.DataFrame]:
+    return {e.id: e.run("smoke", seed=3).table for e in CHAPTER.experiments}
+
+
+def test_every_claim_is_judged_on_its_tables(tables: dict[str, pd.DataFrame]) -> None:
+    for claim in CHAPTER.claims:
+        finding = claim.judge(tables)
+        assert isinstance(finding.verdict, Verdict), claim.id
+        assert "nan" not in finding.evidence, claim.id
+
+
+def test_steps_follow_the_factor_and_a_wrong_law_is_refuted() -> None:
+    table = contraction.steps.run("smoke").table
+    shared = table[table.kind == "shared"]
+    np.testing.assert_allclose(shared.lowest, (shared.k - 1) / (shared.k + 1), atol=1e-6)
+    np.testing.assert_allclose(shared.highest, (shared.k - 1) / (shared.k + 1), atol=1e-6)
+    grows = table.assign(highest=table.highest.where(table.kind != "shared", 1.1))
+    assert contraction.contracts_for_each_k(grows).verdict is Verdict.REFUTED
+    calm = table.assign(larger=0.0)
+    assert contraction.contracts_for_each_k(calm).verdict is Verdict.REPRODUCED
+
+
+def test_the_rest_is_judged_by_its_coefficient() -> None:
+    config = contraction.Config(domains=8, lengths=(1000,))
+    table = contraction.steps.run(config=config).table
+    assert contraction.rest_is_of_second_order(table).verdict is Verdict.REPRODUCED
+    assert contraction.rest_is_of_second_order(table.assign(rest=2.0)).verdict is Verdict.REFUTED
+
+
+def test_with_every_combination_the_threshold_decides() -> None:
+    config = sampled_threshold.Config(tasks_seen=(5,), max_seqs=(3, sampled_threshold.EVERY))
+    table = sampled_threshold.agreement.run(config=config, seed=1).table.set_index(
+        ["interval", "max_seqs"]
+    )
+    row = table.loc["curve", sampled_threshold.EVERY]
+    assert row.agree == row.n_decisions
+    assert table.loc["curve", 3].agree < row.n_decisions
+    finding = sampled_threshold.both_conditions_are_needed
+    assert finding(table.reset_index()).verdict is Verdict.REPRODUCED
+    assert finding(table.assign(agree=table.n_decisions).reset_index()).verdict is Verdict.DIRECTION
+    assert finding(table.assign(agree=0).reset_index()).verdict is Verdict.REFUTED
+
+
+def reading(n: int, fpr: float, gain: float, behind: float, most: int = 5) -> dict[str, object]:
+    return {
+        **{"schedule": "words", "max_seqs": most, "interval": "curve", "tasks_seen": n},
+        **{"fpr": fpr, "tpr": 1.0, "over_none": gain, "over_none_ci95": 1.0},
+        **{"over_fixed": behind, "over_fixed_ci95": 1.0},
+    }
+
+
+@pytest.mark.parametrize(
+    ("fpr", "gain", "behind", "verdict"),
+    [
+        (0.45, 2.0, 0.0, Verdict.REPRODUCED),
+        (0.60, 2.0, 0.0, Verdict.DIRECTION),
+        (0.45, 0.5, 0.0, Verdict.NOT_REPRODUCED),
+        (0.45, 2.0, -3.0, Verdict.NOT_REPRODUCED),
+    ],
+)
+def test_a_joint_reading_must_meet_all_that_is_printed(
+    fpr: float, gain: float, behind: float, verdict: Verdict
+) -> None:
+    table = pd.DataFrame([reading(n, fpr, gain, behind) for n in (5, 8)])
+    assert joint_search.some_reading_fits(table).verdict is verdict
+
+
+def test_one_reading_without_a_rise_refutes_the_rise() -> None:
+    rise = [reading(n, fpr, 2, 0, most) for most in (0, 5) for n, fpr in ((5, 0.4), (8, 0.7))]
+    assert joint_search.false_positives_rise(pd.DataFrame(rise)).verdict is Verdict.REPRODUCED
+    rise[-1]["fpr"] = 0.4
+    assert joint_search.false_positives_rise(pd.DataFrame(rise)).verdict is Verdict.REFUTED
+
+
+def test_nothing_errs_less_than_the_best_subset_but_what_is_no_subset(
+    tables: dict[str, pd.DataFrame],
+) -> None:
+    table = tables["selection-as-prediction"]
+    subsets = table[~table.method.isin(("shrinkage", "cross-fitted"))]
+    assert (subsets.regret >= -1e-12).all()
+    # A constant explains nothing of Q_d, and errs by its variance at least.
+    assert (table[table.method == "none (constant)"].excess >= 1 - 1e-9).all()
+    # The truly relevant features of the triangle carry all of Q_d.
+    own = table[(table.method == "fixed") & (table.domain == "triangle")]
+    assert own.fpr.tolist() == [0.0]
+    assert own.tpr.tolist() == [1.0]
+
+
+def swapped(table: pd.DataFrame, first: str, second: str) -> pd.DataFrame:
+    names = {first: second, second: first}
+    return table.assign(method=table.method.replace(names))
+
+
+def test_prediction_claims_can_fail() -> None:
+    methods = ["all features", "fs-tek", "jackknife", "cross-validation", "shrinkage"]
+    rows = [
+        {"domain": d, "tasks_seen": n, "method": m, "regret": 5.0 - i, "excess": 5.0 - i,
+         "mean_return": float(i)}
+        for d in "ab" for n in (3, 4) for i, m in enumerate([*methods, "cross-fitted"])
+    ]  # fmt: skip
+    table = pd.DataFrame(rows)
+    assert prediction.shrinkage_errs_least(table).verdict is Verdict.REPRODUCED
+    worse = swapped(table, "shrinkage", "fs-tek")
+    assert prediction.shrinkage_errs_least(worse).verdict is Verdict.NOT_REPRODUCED
+    assert prediction.error_predicts_return(table).verdict is Verdict.REPRODUCED
+    wrong = table.assign(mean_return=-table.mean_return)
+    assert prediction.error_predicts_return(wrong).verdict is Verdict.NOT_REPRODUCED

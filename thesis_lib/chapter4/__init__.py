@@ -1,0 +1,10 @@
+"""Chapter 4, Relevant Representations for Multi-Task RL: one file a result.
+
+Each file holds a result's config with its budgets, the experiment and the criteria of the claims
+that its table decides; the claims' words stand in ``claims.toml``.
+"""
+
+from thesis_lib.chapter4 import contraction, joint_search, prediction, sampled_threshold
+
+RESULTS = (contraction, sampled_threshold, joint_search, prediction)
+"""The chapter's results, in its order."""

@@ -1,0 +1,254 @@
+"""Selection as prediction: what each selector's potential errs, and earns, on the next task.
+
+Rates tell how well a selector labels features; a potential is used to predict the next task and to
+speed its learning.  So beside the rates stand the excess squared error of the cross-task
+function over the domain's own, and the return; the regret of a selector is its excess error less
+that of the best subset of features chosen with hindsight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.arrays import FloatArray
+from thesis_lib.domains import Domain, continuing_cliff, stock, triangle
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.ledger import Finding, Verdict, criterion
+from thesis_lib.experiments.chapter3.common import Learner
+from thesis_lib.experiments.chapter4.families import random_domain, torus
+from thesis_lib.experiments.chapter4.protocol import Trial
+from thesis_lib.experiments.chapter4.worlds import World, world
+from thesis_lib.selection import (
+    FSTEK,
+    FixedFeatures,
+    JackknifeF,
+    LeaveOneTaskOut,
+    NoSelection,
+    Selector,
+    Shrinkage,
+    rates,
+    triangle_alpha,
+)
+from thesis_lib.stats import mean_ci
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A domain, how its tasks are learned, and what counts as irrelevant beside the truth."""
+
+    make: Callable[[], Domain]
+    learner: Learner
+    irrelevant: tuple[str, ...] = ()
+
+
+_GRID = Learner("q_learning", 0.5, 0.05, episodes=10)
+
+SETTINGS: Mapping[str, Setting] = {
+    "triangle": Setting(triangle, Learner("q_learning", 0.5, 0.01, episodes=10)),
+    "cliff": Setting(continuing_cliff, Learner("q_learning", 0.1, 0.01, steps=2_000), ("x", "y")),
+    "stock G = 1": Setting(lambda: stock(1, 2, 1), Learner("q_learning", 0.2, 0.1, steps=300)),
+    "stock G = 3": Setting(lambda: stock(1, 2, 3), Learner("q_learning", 0.2, 0.1, steps=300)),
+    "random MDPs": Setting(lambda: random_domain(303), Learner("q_learning", 0.2, 0.1, steps=300)),
+    "torus": Setting(torus, _GRID),
+}
+"""Domains of the thesis and two families of ours; tasks share p(x|m) on stock and random MDPs."""
+
+METHODS: Mapping[str, Callable[[], Selector]] = {
+    "all features": NoSelection,
+    "none (constant)": lambda: FixedFeatures(()),
+    "fs-tek": lambda: FSTEK(triangle_alpha, flat="unsure"),
+    "jackknife": JackknifeF,
+    "cross-validation": LeaveOneTaskOut,
+    "shrinkage": Shrinkage,
+    "cross-fitted": lambda: Shrinkage("cross-fitted"),
+}
+"""What is compared; ``fixed``, the truly relevant features, is added where they are known."""
+
+
+@dataclass(frozen=True)
+class Config:
+    """How often and when selectors are compared."""
+
+    domains: tuple[str, ...] = tuple(SETTINGS)
+    """Names in :data:`SETTINGS`."""
+    tasks_seen: tuple[int, ...] = (3, 4, 5, 8, 12, 20)
+    """Numbers of observed tasks."""
+    runs: int = 40
+    """Sequences of tasks a domain."""
+    tests: int = 10
+    """Tasks learned with each potential."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """One selector after one number of tasks on one domain."""
+
+    domain: str
+    """Which domain."""
+    shared: bool
+    """Whether its tasks share p(x|m)."""
+    method: str
+    """The selector; fixed keeps the truly relevant features."""
+    tasks_seen: int
+    """Number of observed tasks n."""
+    fpr: float
+    """Share of the domain-irrelevant features kept (for shrinkage: depended on)."""
+    tpr: float
+    """Share of the domain-relevant features kept."""
+    excess: float
+    """Squared error of the potential against Q_d under p(x), over the variance of Q_d; mean."""
+    regret: float
+    """That less the excess of the best subset of features in hindsight, mean over runs."""
+    regret_ci95: float
+    """Half-width of its 95% t interval over runs."""
+    mean_return: float
+    """Mean total reward of the test tasks, over runs."""
+    over_all: float
+    """Return less that with all features, paired by run, mean."""
+    over_all_ci95: float
+    """Half-width of its 95% t interval."""
+    n_runs: int
+    """Sequences of tasks."""
+
+
+@experiment(
+    "selection-as-prediction",
+    item="Selection as prediction",
+    smoke=Config(domains=("triangle", "stock G = 1"), tasks_seen=(4,), runs=2, tests=2),
+    book=Config(),
+    thesis=Config(runs=300),
+    seconds=160,
+)
+def predictions(config: Config, context: Context) -> list[Prediction]:
+    """Rates, excess squared error, regret and return of selectors on the next task."""
+    rows = []
+    for name in config.domains:
+        setting = SETTINGS[name]
+        known = world(setting.make, setting.learner, context, irrelevant=setting.irrelevant)
+        rows += _on(name, known, setting.learner, config, context)
+    return rows
+
+
+def _on(
+    name: str, known: World, learner: Learner, config: Config, context: Context
+) -> list[Prediction]:
+    solutions, domain = known.solutions, known.domain
+    names = solutions.feature_names
+    fixed = FixedFeatures([n for n, true in zip(names, known.truth, strict=True) if true])
+    methods = {**METHODS, "fixed": lambda: fixed}
+    subsets = [np.array(kept) for kept in product((False, True), repeat=len(names))]
+    weight = domain.distribution @ solutions.p
+    joint = np.where(solutions.p > 0, solutions.p * solutions.q, 0.0)
+    truth = np.divide(
+        domain.distribution @ joint, weight, out=np.zeros_like(weight), where=weight > 0
+    )
+    variance = float(weight @ truth**2 - (weight @ truth) ** 2)
+
+    def error(phi: FloatArray) -> float:
+        return float(weight @ (phi.ravel() - truth) ** 2) / variance
+
+    def one(seed: np.random.SeedSequence) -> tuple[np.ndarray, np.ndarray]:
+        rng = np.random.default_rng(seed)
+        seen = domain.sample(max(config.tasks_seen), rng)
+        numbers = np.empty((len(methods), len(config.tasks_seen), 3))
+        support = np.empty((*numbers.shape[:2], len(names)), dtype=bool)
+        for j, n in enumerate(config.tasks_seen):
+            own = solutions.take(seen[:n])
+            # What nobody has seen is predicted by the mean, for every method alike.
+            mean = float(joint[seen[:n]].sum() / n)
+            tests = domain.sample(config.tests, rng)
+            trial = Trial(known, learner, tests, rng.integers(2**63, size=config.tests))
+            best = min(error(known.potential(seen[:n], kept, mean)) for kept in subsets)
+            values: dict[bytes, tuple[float, float]] = {}
+            for i, make in enumerate(methods.values()):
+                selector = make()
+                if n < selector.min_tasks:
+                    selector = NoSelection()
+                kept = selector.fit(own).support_
+                support[i, j] = kept
+                if isinstance(selector, Shrinkage):
+                    phi = selector.values(own).reshape(domain.shape)
+                    found = error(phi), trial.mean_return(phi)
+                else:
+                    code = kept.tobytes()
+                    if code not in values:
+                        phi = known.potential(seen[:n], kept, mean)
+                        values[code] = error(phi), trial.mean_return(phi)
+                    found = values[code]
+                numbers[i, j] = found[0], found[0] - best, found[1]
+        return numbers, support
+
+    key = tuple(SETTINGS).index(name)
+    found = context.map(one, context.seeds(config.runs, 24, key), name)
+    numbers = np.stack([f[0] for f in found])
+    support = np.stack([f[1] for f in found])
+    rows = []
+    for (i, method), (j, n) in product(enumerate(methods), enumerate(config.tasks_seen)):
+        fpr, tpr = rates(support[:, i, j], known.truth)
+        excess, regret, earned = numbers[:, i, j].T
+        off = mean_ci(regret)
+        gain = mean_ci(earned - numbers[:, 0, j, 2])
+        rows.append(
+            Prediction(
+                *(name, solutions.shared, method, n, fpr, tpr, float(excess.mean())),
+                *(off.mean, off.half_width, float(earned.mean()), gain.mean, gain.half_width),
+                len(found),
+            )
+        )
+    return rows
+
+
+def cells(table: pd.DataFrame, column: str) -> pd.DataFrame:
+    """One column of the table, one row a domain and number of tasks, one column a method."""
+    return table.pivot(index=["domain", "tasks_seen"], columns="method", values=column)
+
+
+@criterion("4.5-prediction-regret", predictions)
+def shrinkage_errs_least(table: pd.DataFrame) -> Finding:
+    """Whether shrinkage has less regret than FS-TEK, the F-test and cross-validation."""
+    regret = cells(table, "regret")
+    others = ["fs-tek", "jackknife", "cross-validation", "all features"]
+    wins = (regret[others].min(axis=1) >= regret.shrinkage - 1e-12).groupby("domain").mean()
+    worst = regret[[*others, "shrinkage", "cross-fitted"]].max()
+    total = float((regret[others].min(axis=1) >= regret.shrinkage - 1e-12).mean())
+    told = ", ".join(f"{name} {value:.2f}" for name, value in worst.items())
+    verdict = Verdict.NOT_REPRODUCED
+    if total == 1:
+        verdict = Verdict.REPRODUCED
+    elif worst["shrinkage"] <= worst[others].min():
+        verdict = Verdict.DIRECTION
+    return Finding(
+        verdict,
+        f"It errs least in {total:.0%} of {len(regret)} cells (by domain "
+        f"{', '.join(f'{d} {w:.0%}' for d, w in wins.items())}). Largest regret, in variances of "
+        f"Q_d: {told}.",
+        {"share": total, **worst.to_dict()},
+    )
+
+
+@criterion("4.5-prediction-return", predictions)
+def error_predicts_return(table: pd.DataFrame) -> Finding:
+    """Whether, cell by cell, the selector that errs less earns more."""
+    own = table[~table.method.isin(("none (constant)", "fixed", "cross-fitted"))]
+    excess, earned = cells(own, "excess"), cells(own, "mean_return")
+    ranks = [
+        float(np.corrcoef(excess.loc[at].rank(), earned.loc[at].rank())[0, 1])
+        for at in excess.index
+        if excess.loc[at].nunique() > 1 and earned.loc[at].nunique() > 1
+    ]
+    mean = mean_ci(ranks)
+    high = mean.mean + mean.half_width
+    verdict = Verdict.REPRODUCED if high < -0.5 else Verdict.NOT_REPRODUCED
+    if -0.5 <= high < 0:
+        verdict = Verdict.DIRECTION
+    return Finding(
+        verdict,
+        f"Over {mean.n} cells the rank correlation of error and return among selectors is "
+        f"{mean.mean:.2f} ± {mean.half_width:.2f}.",
+        {"correlation": mean.mean},
+    )
