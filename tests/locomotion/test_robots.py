@@ -268,7 +268,7 @@ def test_a_level_ground_is_level():
 @pytest.mark.parametrize("name", robots.ROBOTS)
 def test_without_islands_every_state_is_the_same_bit_for_bit(name, hilly):
     ground = hill_maps(1, 0.5, np.random.SeedSequence(0), robot=name)[0] if hilly else None
-    island = mujoco.mjtDisableBit.mjDSBL_ISLAND
+    island = int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
 
     def enabled(spec):
         spec.option.disableflags &= ~island

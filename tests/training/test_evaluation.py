@@ -103,7 +103,7 @@ def test_text_becomes_a_perturbation() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("Earthquake", "perturbation 'Earthquake' does not exist: choose one of ActionDelay"),
+        ("Earthquake", "perturbation 'Earthquake' does not exist: choose one of WhiteNoise"),
         ("WhiteNoise(0.5)", "write a name with its fields as keywords"),
         ("WhiteNoise(sigma=)", "write a name with its fields as keywords"),
         ("WhiteNoise(sigma=open('x'))", "write a name with its fields as keywords"),
