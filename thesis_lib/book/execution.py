@@ -2,7 +2,8 @@
 
 A run is good while its digest is: a hash of the notebook's code cells, the parameters it was
 given, the lock file, the Python version, the modules and data of this package that its code
-depends on, and the committed results it reads.  Prose is not part of it.
+depends on, and the committed results it reads.  Prose is not part of it, but the expressions in
+it are.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ import nbformat
 from nbconvert.filters import strip_ansi
 
 from thesis_lib.book.child import Children
+from thesis_lib.book.inline import expressions
 from thesis_lib.book.paths import Paths
 from thesis_lib.book.sources import code_cells, parameter_names, read
 from thesis_lib.edition.experiment import environment
@@ -127,6 +129,7 @@ def task(path: Path, paths: Paths, seed: int) -> Task:
     try:
         check_parameters([*parameters, "workers"], parameter_names(notebook))
         cells = [cell.source for cell in code_cells(notebook)]
+        asked = [text for cell in notebook.cells for text in expressions(cell)]
         modules = closure(cells, paths.root)
     except (ValueError, SyntaxError) as error:
         raise ValueError(f"{path.name} cannot be run: {error}") from None
@@ -135,7 +138,7 @@ def task(path: Path, paths: Paths, seed: int) -> Task:
         source=notebook,
         parameters=parameters,
         modules=modules,
-        digest=digest(cells, parameters, modules, paths.root),
+        digest=digest([*cells, *asked], parameters, modules, paths.root),
     )
 
 
@@ -150,7 +153,7 @@ def digest(
     Parameters
     ----------
     cells
-        Sources of its code cells.
+        Sources of its code cells, and the expressions in its prose.
     parameters
         Values it is given.
     modules
@@ -265,7 +268,7 @@ def _execute(task: Task, paths: Paths, workers: int, children: Children) -> None
         made_with = environment()
         started, clock = time.time(), time.perf_counter()
         code, printed = children.run(
-            "papermill",
+            "thesis_lib.book.engine",
             [
                 *(str(given), str(output), *options, "--kernel", _KERNEL),
                 *("--start-timeout", "300", "--no-progress-bar", "--no-log-output"),

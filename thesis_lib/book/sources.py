@@ -8,6 +8,7 @@ from typing import Any
 
 import nbformat
 
+from thesis_lib.book import inline
 from thesis_lib.edition.page import assigned_names
 
 PARAMETERS_TAG = "parameters"
@@ -77,7 +78,7 @@ def with_values(source: str, values: dict[str, object]) -> str:
 
 
 def merge(source: Any, executed: Any | None, values: dict[str, object]) -> Any:
-    """The source's prose with a run's outputs.
+    """The source's prose with a run's outputs and the values of its expressions.
 
     Parameters
     ----------
@@ -97,9 +98,13 @@ def merge(source: Any, executed: Any | None, values: dict[str, object]) -> Any:
     """
     merged = copy.deepcopy(source)
     cells = code_cells(merged)
+    known: dict[str, dict[str, str]] = {}
     if executed is not None:
+        known = {cell.id: inline.values(cell) for cell in executed.cells}
         for cell, run in zip(cells, code_cells(executed), strict=True):
             cell.outputs = run.outputs
             cell.execution_count = run.execution_count
         cells[0].source = with_values(cells[0].source, values)
+    for cell in merged.cells:
+        inline.fill(cell, known.get(cell.id, {}))
     return merged
