@@ -14,16 +14,15 @@ import statistics
 import time
 from dataclasses import replace
 
+from thesis_lib.chapter3 import figure_3_1, table_3_1
 from thesis_lib.edition.chapters import find
-from thesis_lib.experiments.chapter3.continuing_cliff import FIGURE_3_1
-from thesis_lib.experiments.chapter3.table_3_1 import TABLE_3_1
 
 CONFIGS = {
     "table-3.1": replace(
-        TABLE_3_1.config("book"), potentials=("none", "Q_star", "Q_tilde"), n_runs=400
+        table_3_1.entries.config("book"), potentials=("none", "Q_star", "Q_tilde"), n_runs=400
     ),
     "figure-3.1": replace(
-        FIGURE_3_1.config("book"), discounts=(0.95,), names=("none", "Q_star", "Q_tilde")
+        figure_3_1.by_alpha.config("book"), discounts=(0.95,), names=("none", "Q_star", "Q_tilde")
     ),
 }
 """The learning part of each: what is shared out among the workers."""

@@ -31,8 +31,7 @@ LAYERS = (
     },
     {"training"},
     {"edition"},
-    {"experiments"},
-    {"chapter3", "chapter4"},
+    {"chapter3", "experiments", "chapter4"},
     {"claims", "book", "cli"},
 )
 LEVEL = {unit: level for level, units in enumerate(LAYERS) for unit in units}

@@ -5,7 +5,7 @@ Every figure states n, an interval and the test; these are the functions it uses
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -217,7 +217,7 @@ def iqm(scores: ArrayLike) -> float:
     return float(stats.trim_mean(_sample(scores, 1), 0.25))
 
 
-def chi_square(observed: Sequence[float], expected: Sequence[float], sd: Sequence[float]) -> float:
+def chi_square(observed: ArrayLike, expected: ArrayLike, sd: ArrayLike) -> float:
     r"""Sum of squared standardised differences, :math:`\sum ((o-e)/s)^2`."""
     o, e, s = (np.asarray(v, dtype=float) for v in (observed, expected, sd))
     return float((((o - e) / s) ** 2).sum())

@@ -139,11 +139,16 @@ class TestReadChapter:
         claim = "0.1-toy"
     """
 
-    @staticmethod
-    def chapter(tmp_path, words=WORDS, **members):
+    @pytest.fixture(autouse=True)
+    def _modules(self, monkeypatch):
+        monkeypatch.setattr(ledger, "import_module", lambda name: self.module)
+
+    def chapter(self, tmp_path, words=WORDS, **members):
         (tmp_path / "claims.toml").write_text(words)
-        module = SimpleNamespace(**{"toy": TOY, "judged": JUDGED, **members})
-        package = SimpleNamespace(__file__=str(tmp_path / "__init__.py"), RESULTS=(module,))
+        self.module = SimpleNamespace(**{"toy": TOY, "judged": JUDGED, **members})
+        package = SimpleNamespace(
+            __name__="toys", __file__=str(tmp_path / "__init__.py"), RESULTS=("toy",)
+        )
         return ledger.read_chapter(package)
 
     def test_words_and_functions_meet(self, tmp_path):

@@ -5,11 +5,11 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from thesis_lib.chapter3.runs import Learner
 from thesis_lib.claims import Verdict
 from thesis_lib.claims.chapter4 import CLAIMS, DIFFERENCES
 from thesis_lib.domains import stock, triangle
 from thesis_lib.edition.experiment import Context
-from thesis_lib.experiments.chapter3.common import Learner
 from thesis_lib.experiments.chapter4 import (
     EXPERIMENTS,
     calibration,

@@ -4,7 +4,5 @@ Each file holds a result's config with its budgets, the experiment and the crite
 that its table decides; the claims' words stand in ``claims.toml``.
 """
 
-from thesis_lib.chapter4 import contraction, joint_search, prediction, sampled_threshold
-
-RESULTS = (contraction, sampled_threshold, joint_search, prediction)
+RESULTS = ("contraction", "sampled_threshold", "joint_search", "prediction")
 """The chapter's results, in its order."""

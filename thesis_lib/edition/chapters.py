@@ -29,9 +29,9 @@ ItemT = TypeVar("ItemT", Experiment[Any], Claim, Difference)
 def chapter(name: str) -> Chapter:
     """A chapter's results: of ``thesis_lib.NAME``, of the old form or, while they move, of both."""
     parts = []
-    if find_spec(f"thesis_lib.{name}"):
+    if _is_package(f"thesis_lib.{name}"):
         parts.append(read_chapter(import_module(f"thesis_lib.{name}")))
-    if find_spec(f"thesis_lib.experiments.{name}"):
+    if _is_package(f"thesis_lib.experiments.{name}"):
         ledgers = [import_module(f"thesis_lib.claims.{m}") for m in LEDGERS.get(name, (name,))]
         parts.append(
             Chapter(
@@ -45,6 +45,12 @@ def chapter(name: str) -> Chapter:
         tuple(chain.from_iterable(part.claims for part in parts)),
         tuple(chain.from_iterable(part.differences for part in parts)),
     )
+
+
+def _is_package(name: str) -> bool:
+    """Whether there is such a package; a folder that only caches are left in is none."""
+    spec = find_spec(name)
+    return spec is not None and spec.origin is not None
 
 
 def experiments() -> dict[str, Experiment[Any]]:

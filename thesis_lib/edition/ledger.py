@@ -13,6 +13,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Literal
@@ -217,7 +218,7 @@ def read_chapter(package: ModuleType) -> Chapter:
     Parameters
     ----------
     package
-        Such as ``thesis_lib.chapter3``; its ``RESULTS`` are its modules in order.
+        Such as ``thesis_lib.chapter3``; its ``RESULTS`` are the names of its modules in order.
 
     Raises
     ------
@@ -225,7 +226,8 @@ def read_chapter(package: ModuleType) -> Chapter:
         If a claim has not exactly one of a criterion and a reason why it cannot be tested, or
         a difference not exactly one effect.
     """
-    found = [item for module in package.RESULTS for item in vars(module).values()]
+    modules = [import_module(f"{package.__name__}.{name}") for name in package.RESULTS]
+    found = [item for module in modules for item in vars(module).values()]
     file = Path(str(package.__file__)).with_name("claims.toml")
     words = tomllib.loads(file.read_text(encoding="utf-8"))
     criteria = _only_one(x for x in found if isinstance(x, Criterion))
@@ -293,6 +295,9 @@ class Judgement:
     claim: Claim
     finding: Finding
     budget: str
+
+
+SMOKE_TELLS_NOTHING = "Not shown at the smoke budget, whose values carry no meaning."
 
 
 def judge(claim: Claim, results: Path | str) -> Judgement:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import ast
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Any
@@ -27,7 +27,15 @@ from IPython.display import display
 from threadpoolctl import threadpool_limits
 
 from thesis_lib.edition.experiment import Experiment, check_budget, check_seed
-from thesis_lib.edition.ledger import Claim, Finding, finding, read_chapter
+from thesis_lib.edition.ledger import (
+    SMOKE_TELLS_NOTHING,
+    Chapter,
+    Claim,
+    Difference,
+    Finding,
+    finding,
+    read_chapter,
+)
 from thesis_lib.edition.plots import use_style
 
 #: First line of the cell in which papermill assigns the parameters it was given.
@@ -59,91 +67,6 @@ _BANNERS = {
         "This page was run at the `thesis` budget: as many runs as the thesis made.",
     ),
 }
-
-
-@dataclass(frozen=True)
-class Page:
-    """What a notebook was asked to do.
-
-    Attributes
-    ----------
-    budget
-        ``smoke``, ``book`` or ``thesis``.
-    seed
-        Root of every random number of the page, a nonnegative integer.
-    workers
-        Number of threads an experiment may use; it never changes a result.
-    claims
-        Of the page's chapter, by id.
-    tables
-        What :meth:`run` has made so far, by experiment id.
-    """
-
-    budget: str
-    seed: int = 0
-    workers: int = 1
-    claims: Mapping[str, Claim] = field(default_factory=dict, repr=False)
-    tables: dict[str, pd.DataFrame] = field(default_factory=dict, repr=False)
-
-    def __post_init__(self) -> None:
-        check_budget(self.budget)
-        check_seed(self.seed)
-        if isinstance(self.workers, bool) or not isinstance(self.workers, int) or self.workers < 1:
-            raise ValueError(f"workers is {self.workers!r}; give an integer of at least 1.")
-
-    def run(self, experiment: Experiment[Any], config: Any = None) -> pd.DataFrame:
-        """Run an experiment at the page's budget, seed and workers, and return its table.
-
-        In the book's build the table is stored as well, for the ledger, so that the page and
-        the verdicts rest on the same run.
-
-        Parameters
-        ----------
-        experiment
-            Imported from its chapter; the import tells the build on what the page depends.
-        config
-            Replaces the budget's config; such a run is shown and not stored.
-        """
-        result = experiment.run(self.budget, config=config, seed=self.seed, workers=self.workers)
-        # Outside a build nothing is stored: a reader's run with another seed must not become
-        # the evidence of the shipped ledger.
-        if config is None:
-            self.tables[experiment.id] = result.table
-            if directory := os.environ.get(RESULTS_VARIABLE):
-                result.save(directory)
-        return result.table
-
-    def finding(self, claim: str) -> Finding:
-        """Judge a claim of this chapter on the tables of this page.
-
-        Raises
-        ------
-        ValueError
-            If there is no such claim, or an experiment it rests on has not been run above.
-        """
-        if claim not in self.claims:
-            raise ValueError(f"this chapter has no claim {claim!r}; see its claims.toml.")
-        missing = [e for e in self.claims[claim].experiments if e not in self.tables]
-        if missing:
-            raise ValueError(f"claim {claim!r} rests on {', '.join(missing)}: run it above first.")
-        return finding(self.claims[claim], self.tables, self.budget)
-
-    def verdict(self, claim: str) -> str:
-        """The verdict on a claim, for a sentence: ``{eval}`page.verdict("3.3.1-bound")```."""
-        return str(self.finding(claim).verdict)
-
-    def evidence(self, claim: str) -> str:
-        """The evidence for the verdict on a claim, in sentences."""
-        return self.finding(claim).evidence
-
-    def verdicts(self, *prefixes: str) -> pd.DataFrame:
-        """Claims whose ids start so, or all: columns ``claim``, ``verdict``, ``evidence``."""
-        chosen = [c for c in self.claims.values() if c.id.startswith(prefixes or "")]
-        found = [(c.statement, self.finding(c.id)) for c in chosen]
-        return pd.DataFrame(
-            [(statement, str(f.verdict), f.evidence) for statement, f in found],
-            columns=["claim", "verdict", "evidence"],
-        )
 
 
 class _Rendered:
@@ -220,55 +143,6 @@ def _check_injected(history: Iterable[str]) -> None:
             parameters = names
 
 
-def start(namespace: Mapping[str, Any], chapter: ModuleType | None = None) -> Page:
-    """Check the parameters of the running notebook and prepare its session.
-
-    Parameters
-    ----------
-    namespace
-        The notebook's ``globals()``, which holds ``budget``, ``seed`` and ``workers`` from the
-        parameters cell, and IPython's record of the cells run so far.
-    chapter
-        The chapter whose claims the page judges, such as ``thesis_lib.chapter3``.
-
-    Returns
-    -------
-    Page
-        The checked parameters.
-
-    Raises
-    ------
-    ValueError
-        If papermill was given a parameter the notebook does not have, or a value is not allowed.
-    """
-    missing = [name for name in ("budget", "seed", "workers") if name not in namespace]
-    if missing:
-        raise ValueError(
-            f"the parameters cell did not set {', '.join(missing)}; run it before this cell."
-        )
-    _check_injected(namespace.get("In", ()))
-    claims = {} if chapter is None else {c.id: c for c in read_chapter(chapter).claims}
-    page = Page(namespace["budget"], namespace["seed"], namespace["workers"], claims)
-
-    for variable in _THREAD_VARIABLES:  # for libraries and processes that start later
-        os.environ[variable] = "1"
-    threadpool_limits(limits=1)  # for libraries that are loaded already
-    if (shell := get_ipython()) is not None:
-        # MPLBACKEND, as containers and clusters set it, would draw every figure to nowhere.
-        shell.run_line_magic("matplotlib", "inline")
-    use_style()
-
-    kind, title, text = _BANNERS[page.budget]
-    seeds = f"Seed {page.seed}."
-    display(
-        _Rendered(
-            f":::{{admonition}} {title}\n:class: {kind}\n{text} {seeds}\n:::\n",
-            f"<p><strong>{title}.</strong> {text.replace('`', '')} {seeds}</p>",
-        )
-    )
-    return page
-
-
 def table(
     data: pd.DataFrame,
     *,
@@ -337,3 +211,155 @@ def _cell(value: object, places: int) -> str:
             return "–"
         return f"{value:.{places}f}".replace("-", "−")
     return str(value).replace("|", "\\|")
+
+
+@dataclass(frozen=True)
+class Page:
+    """What a notebook was asked to do.
+
+    Attributes
+    ----------
+    budget
+        ``smoke``, ``book`` or ``thesis``.
+    seed
+        Root of every random number of the page, a nonnegative integer.
+    workers
+        Number of threads an experiment may use; it never changes a result.
+    claims, differences
+        Of the page's chapter, by id.
+    tables
+        What :meth:`run` has made so far, by experiment id.
+    """
+
+    budget: str
+    seed: int = 0
+    workers: int = 1
+    claims: Mapping[str, Claim] = field(default_factory=dict, repr=False)
+    differences: Mapping[str, Difference] = field(default_factory=dict, repr=False)
+    tables: dict[str, pd.DataFrame] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        check_budget(self.budget)
+        check_seed(self.seed)
+        if isinstance(self.workers, bool) or not isinstance(self.workers, int) or self.workers < 1:
+            raise ValueError(f"workers is {self.workers!r}; give an integer of at least 1.")
+
+    def run(self, experiment: Experiment[Any], config: Any = None) -> pd.DataFrame:
+        """Run an experiment at the page's budget, seed and workers, and return its table.
+
+        In the book's build the table is stored as well, for the ledger, so that the page and
+        the verdicts rest on the same run.
+
+        Parameters
+        ----------
+        experiment
+            Imported from its chapter; the import tells the build on what the page depends.
+        config
+            Replaces the budget's config; such a run is shown and not stored.
+        """
+        result = experiment.run(self.budget, config=config, seed=self.seed, workers=self.workers)
+        # Outside a build nothing is stored: a reader's run with another seed must not become
+        # the evidence of the shipped ledger.
+        if config is None:
+            self.tables[experiment.id] = result.table
+            if directory := os.environ.get(RESULTS_VARIABLE):
+                result.save(directory)
+        return result.table
+
+    def finding(self, claim: str) -> Finding:
+        """Judge a claim of this chapter on the tables of this page.
+
+        Raises
+        ------
+        ValueError
+            If there is no such claim, or an experiment it rests on has not been run above.
+        """
+        if claim not in self.claims:
+            raise ValueError(f"this chapter has no claim {claim!r}; see its claims.toml.")
+        self._need(claim, self.claims[claim].experiments)
+        return finding(self.claims[claim], self.tables, self.budget)
+
+    def _need(self, name: str, experiments: Sequence[str]) -> None:
+        missing = [e for e in experiments if e not in self.tables]
+        if missing:
+            raise ValueError(f"{name!r} rests on {', '.join(missing)}: run it above first.")
+
+    def effect(self, difference: str) -> str:
+        """What a difference from the thesis changes, told from the tables of this page."""
+        row = self.differences[difference]
+        if isinstance(row.effect, str):
+            return row.effect
+        self._need(difference, row.experiments)
+        return SMOKE_TELLS_NOTHING if self.budget == "smoke" else row.effect(self.tables)
+
+    def verdict(self, claim: str) -> str:
+        """The verdict on a claim, for a sentence: ``{eval}`page.verdict("3.3.1-bound")```."""
+        return str(self.finding(claim).verdict)
+
+    def evidence(self, claim: str) -> str:
+        """The evidence for the verdict on a claim, in sentences."""
+        return self.finding(claim).evidence
+
+    table = staticmethod(table)
+
+    def verdicts(self, *prefixes: str) -> pd.DataFrame:
+        """Claims whose ids start so, or all: columns ``claim``, ``verdict``, ``evidence``."""
+        chosen = [c for c in self.claims.values() if c.id.startswith(prefixes or "")]
+        found = [(c.statement, self.finding(c.id)) for c in chosen]
+        return pd.DataFrame(
+            [(statement, str(f.verdict), f.evidence) for statement, f in found],
+            columns=["claim", "verdict", "evidence"],
+        )
+
+
+def start(namespace: Mapping[str, Any], chapter: ModuleType | None = None) -> Page:
+    """Check the parameters of the running notebook and prepare its session.
+
+    Parameters
+    ----------
+    namespace
+        The notebook's ``globals()``, which holds ``budget``, ``seed`` and ``workers`` from the
+        parameters cell, and IPython's record of the cells run so far.
+    chapter
+        The chapter whose claims the page judges, such as ``thesis_lib.chapter3``.
+
+    Returns
+    -------
+    Page
+        The checked parameters.
+
+    Raises
+    ------
+    ValueError
+        If papermill was given a parameter the notebook does not have, or a value is not allowed.
+    """
+    missing = [name for name in ("budget", "seed", "workers") if name not in namespace]
+    if missing:
+        raise ValueError(
+            f"the parameters cell did not set {', '.join(missing)}; run it before this cell."
+        )
+    _check_injected(namespace.get("In", ()))
+    found = Chapter((), (), ()) if chapter is None else read_chapter(chapter)
+    page = Page(
+        *(namespace["budget"], namespace["seed"], namespace["workers"]),
+        claims={claim.id: claim for claim in found.claims},
+        differences={row.id: row for row in found.differences},
+    )
+
+    for variable in _THREAD_VARIABLES:  # for libraries and processes that start later
+        os.environ[variable] = "1"
+    threadpool_limits(limits=1)  # for libraries that are loaded already
+    if (shell := get_ipython()) is not None:
+        # MPLBACKEND, as containers and clusters set it, would draw every figure to nowhere.
+        shell.run_line_magic("matplotlib", "inline")
+    use_style()
+
+    kind, title, text = _BANNERS[page.budget]
+    seeds = f"Seed {page.seed}."
+    display(
+        _Rendered(
+            f":::{{admonition}} {title}\n:class: {kind}\n{text} {seeds}\n:::\n",
+            f"<p><strong>{title}.</strong> {text.replace('`', '')} {seeds}</p>",
+        )
+    )
+    return page

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import matplotlib as mpl
+import pandas as pd
 from cycler import cycler
+from matplotlib.axes import Axes
 
 #: Okabe and Ito's eight colours, black last, in an order whose neighbours differ in lightness too.
 COLOURS: tuple[str, ...] = (
@@ -57,3 +61,24 @@ def use_style() -> None:
             "svg.hashsalt": "thesis_lib",
         }
     )
+
+
+def band(ax: Axes, table: pd.DataFrame, x: str, unit: float = 1.0, **look: Any) -> None:
+    """Draw ``mean_return`` over a column, with a band of ``ci95`` on either side.
+
+    Parameters
+    ----------
+    ax
+        Where.
+    table
+        One row a point, in order.
+    x
+        The column along the axis.
+    unit
+        What the returns are divided by.
+    **look
+        Of the line.
+    """
+    mean, half = table.mean_return / unit, table.ci95 / unit
+    (line,) = ax.plot(table[x], mean, **look)
+    ax.fill_between(table[x], mean - half, mean + half, color=line.get_color(), alpha=0.2, lw=0)

@@ -12,7 +12,15 @@ import pandas as pd
 
 from thesis_lib.edition.chapters import claims, differences
 from thesis_lib.edition.experiment import load
-from thesis_lib.edition.ledger import MEANING, Difference, Finding, Judgement, Verdict, judge
+from thesis_lib.edition.ledger import (
+    MEANING,
+    SMOKE_TELLS_NOTHING,
+    Difference,
+    Finding,
+    Judgement,
+    Verdict,
+    judge,
+)
 
 ItemT = TypeVar("ItemT")
 
@@ -128,7 +136,7 @@ def effect(difference: Difference, results: Path | str) -> str:
         except FileNotFoundError:
             return f"Not computed yet: `thesis run {identifier}` makes it."
         if provenance["budget"] == "smoke":
-            return "Not shown at the smoke budget, whose values carry no meaning."
+            return SMOKE_TELLS_NOTHING
     return difference.effect(tables)
 
 

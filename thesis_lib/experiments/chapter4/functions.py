@@ -13,10 +13,9 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.arrays import BoolArray, FloatArray
+from thesis_lib.chapter3.runs import SETTINGS, Learner
 from thesis_lib.domains import Domain, stock
 from thesis_lib.edition.experiment import Context, Experiment, rows
-from thesis_lib.experiments.chapter3.common import Learner
-from thesis_lib.experiments.chapter3.settings import SETTINGS
 from thesis_lib.experiments.chapter4.curves import exact_solutions
 from thesis_lib.experiments.chapter4.families import random_domain
 from thesis_lib.experiments.chapter4.protocol import Trial

@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.arrays import BoolArray, FloatArray, IntArray
+from thesis_lib.chapter3.runs import Learner
 from thesis_lib.edition.experiment import Context, rows
-from thesis_lib.experiments.chapter3.common import Learner
 from thesis_lib.experiments.chapter4.worlds import World
 from thesis_lib.mdp.batched import TaskBatch
 from thesis_lib.selection import (

@@ -8,10 +8,9 @@ from typing import Literal, get_args
 
 import pandas as pd
 
+from thesis_lib.chapter3.runs import SETTINGS, Learner
 from thesis_lib.domains import continuing_cliff, episodic_cliff, stock, triangle
 from thesis_lib.edition.experiment import Context, Experiment
-from thesis_lib.experiments.chapter3.common import Learner
-from thesis_lib.experiments.chapter3.settings import SETTINGS
 from thesis_lib.experiments.chapter4.protocol import COLUMNS, Flat, Level, Protocol, measure
 from thesis_lib.experiments.chapter4.worlds import Source, Target, world
 from thesis_lib.mdp.checks import one_of

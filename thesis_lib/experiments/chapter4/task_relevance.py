@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.arrays import BoolArray, FloatArray, IntArray
+from thesis_lib.chapter3.runs import Learner
 from thesis_lib.domains import Domain, stock
 from thesis_lib.edition.experiment import Context, Experiment, rows
-from thesis_lib.experiments.chapter3.common import Learner
 from thesis_lib.experiments.chapter4.families import meadow
 from thesis_lib.experiments.chapter4.worlds import World, world
 from thesis_lib.mdp.aggregated import learn_aggregated

@@ -10,9 +10,9 @@ from typing import Literal
 import numpy as np
 
 from thesis_lib.arrays import BoolArray, FloatArray, IntArray
+from thesis_lib.chapter3.runs import Learner
 from thesis_lib.domains import Domain
 from thesis_lib.edition.experiment import Context
-from thesis_lib.experiments.chapter3.common import Learner
 from thesis_lib.mdp import planning
 from thesis_lib.mdp.checks import one_of
 from thesis_lib.mdp.learning import learn

@@ -11,10 +11,13 @@ import pandas as pd
 
 from thesis_lib import potentials
 from thesis_lib.arrays import FloatArray
+from thesis_lib.chapter3 import table_3_1
+from thesis_lib.chapter3.runs import LEARNERS, MuSearch
+from thesis_lib.chapter3.table_3_1 import UNIT, printed
 from thesis_lib.domains import Domain
-from thesis_lib.edition.experiment import Context, Experiment, rows
-from thesis_lib.experiments.chapter3.common import MuSearch
-from thesis_lib.experiments.chapter3.table_3_1 import UNIT, Config, printed
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.ledger import effect_of
+from thesis_lib.edition.words import plus_minus, several
 from thesis_lib.mdp.learning import Method, learn
 from thesis_lib.mdp.model import TabularMDP
 from thesis_lib.potentials.cross_task_policy import GeneticAlgorithm
@@ -58,14 +61,14 @@ READINGS: Mapping[str, Reading] = {
 
 
 @dataclass(frozen=True)
-class QMuConfig:
+class Config:
     """How often each reading is run."""
 
     n_runs: int = 100
     """Runs an entry."""
     readings: tuple[str, ...] = tuple(READINGS)
     """Which readings."""
-    table: Config = field(default_factory=Config)
+    table: table_3_1.Config = field(default_factory=table_3_1.Config)
     """Everything else, as in Table 3.1."""
     most_steps: int = 200_000
     """An episode is cut off here: a learner that shuns the goal may never end it."""
@@ -98,8 +101,47 @@ def with_goal_worth(task: TabularMDP, worth: float) -> TabularMDP:
     return replace(task, reward=reward)
 
 
-def run(config: QMuConfig, context: Context) -> pd.DataFrame:
-    """Total reward under each reading; columns in :data:`Q_MU_ROW`."""
+@dataclass(frozen=True)
+class Return:
+    """Total reward of a learner under one reading; rewards in units of 10^4."""
+
+    reading: str
+    """What is varied."""
+    algorithm: str
+    """q_learning or sarsa."""
+    mean_return: float
+    """Mean total reward of a run, in 10^4."""
+    ci95: float
+    """Half-width of its 95% t interval, in 10^4."""
+    median: float
+    """Median total reward, in 10^4."""
+    lowest_potential: float
+    """Least value of the potential."""
+    highest_potential: float
+    """Largest value of the potential."""
+    n_runs: int
+    """Number of runs."""
+    printed_mean: float
+    """What the thesis prints for the potential, in 10^4."""
+    printed_ci95: float
+    """The half-width it prints, in 10^4."""
+
+
+@experiment(
+    "ch3-q-mu-row",
+    item="Table 3.1, its Q^mu row",
+    smoke=Config(
+        n_runs=2,
+        readings=("uniform policy", "Q*, goal keeps its potential"),
+        table=table_3_1.Config(episodes=5),
+        most_steps=200,
+    ),
+    book=Config(),
+    seconds=20,
+    was="table-3.1-mu",
+)
+def returns(config: Config, context: Context) -> list[Return]:
+    """Total reward with Q^mu on the episodic cliff under several readings."""
     domain = config.table.domain(sensor=False)
     target = printed().set_index(["potential", "algorithm", "sensor"])
     records = []
@@ -145,48 +187,57 @@ def run(config: QMuConfig, context: Context) -> pd.DataFrame:
             summary = mean_ci(totals)
             entry = target.loc[(reading.kind, method, False)]
             records.append(
-                {
-                    "reading": name,
-                    "algorithm": method,
-                    "mean": summary.mean,
-                    "ci95": summary.half_width,
-                    "median": float(np.median(totals)),
-                    "lowest_potential": float(phi.min()),
-                    "highest_potential": float(phi.max()),
-                    "n_runs": summary.n,
-                    "printed_mean": float(entry.printed_mean),
-                    "printed_ci95": float(entry.printed_ci95),
-                }
+                Return(
+                    reading=name,
+                    algorithm=method,
+                    mean_return=summary.mean,
+                    ci95=summary.half_width,
+                    median=float(np.median(totals)),
+                    lowest_potential=float(phi.min()),
+                    highest_potential=float(phi.max()),
+                    n_runs=summary.n,
+                    printed_mean=float(entry.printed_mean),
+                    printed_ci95=float(entry.printed_ci95),
+                )
             )
-    return rows(records)
+    return records
 
 
-Q_MU_ROW: Experiment[QMuConfig] = Experiment(
-    id="table-3.1-mu",
-    item="Table 3.1, its Q^mu row",
-    title="Total reward with Q^mu on the episodic cliff under several readings.",
-    function=run,
-    budgets={
-        "smoke": QMuConfig(
-            n_runs=2,
-            readings=("uniform policy", "Q*, goal keeps its potential"),
-            table=Config(episodes=5),
-            most_steps=200,
-        ),
-        "book": QMuConfig(),
-        "thesis": QMuConfig(),
-    },
-    columns={
-        "reading": "what is varied",
-        "algorithm": "q_learning or sarsa",
-        "mean": "mean total reward of a run, in 10^4",
-        "ci95": "half-width of its 95% t interval, in 10^4",
-        "median": "median total reward, in 10^4",
-        "lowest_potential": "least value of the potential",
-        "highest_potential": "largest value of the potential",
-        "n_runs": "number of runs",
-        "printed_mean": "what the thesis prints for the potential, in 10^4",
-        "printed_ci95": "the half-width it prints, in 10^4",
-    },
-    seconds={"smoke": 1, "book": 20, "thesis": 20},
-)
+@effect_of("3.4.1-q-mu-row", returns)
+def q_mu_readings(table: pd.DataFrame) -> str:
+    """How far each reading's Q^mu row is from the printed one."""
+    table = table[table.reading.str.startswith(("GA", "exact", "uniform"))]
+    told = []
+    for algorithm, own in table.groupby("algorithm"):
+        near = own.loc[(own.mean_return - own.printed_mean).abs().idxmin()]
+        told.append(
+            f"{LEARNERS[algorithm]}: from {own.mean_return.max():.1f} to "
+            f"{own.mean_return.min():.1f}, nearest to the printed {near.printed_mean:g} under "
+            f"“{near.reading}”"
+        )
+    return f"Mean total reward (10⁴) over {table.reading.nunique()} readings: {'; '.join(told)}."
+
+
+@effect_of("3.4.1-terminal-potential", returns)
+def goal_keeps_potential(table: pd.DataFrame) -> str:
+    """What a non-zero potential at the goal does to Q^mu and to Q*."""
+    own = table[table.reading.str.endswith("goal keeps its potential")]
+    told = [
+        f"{reading}: " + several(f"{LEARNERS[r.algorithm]} {r.mean_return:.2f}" for r in rows)
+        for reading, group in own.groupby("reading", sort=False)
+        for rows in [list(group.itertuples())]
+    ]
+    return f"Mean total reward in 10⁴: {'; '.join(told)}."
+
+
+def shown(table: pd.DataFrame) -> pd.DataFrame:
+    """Ours under each reading, and what the thesis prints in the last row."""
+    cells = [plus_minus(m, c) for m, c in zip(table.mean_return, table.ci95, strict=True)]
+    named = table.assign(learner=table.algorithm.map(LEARNERS), cell=cells)
+    wide = named.pivot(index="reading", columns="learner", values="cell")
+    wide = wide.reindex(list(dict.fromkeys(table.reading)))
+    wide.loc["the thesis prints"] = [
+        f"{own.printed_mean.iloc[0]:g} ± {own.printed_ci95.iloc[0]:g}"
+        for _, own in named.groupby("learner")
+    ]
+    return wide.reset_index()

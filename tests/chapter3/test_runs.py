@@ -1,0 +1,46 @@
+"""Runs of a learner with a potential, and parts of results that can be checked by hand."""
+
+import numpy as np
+import pytest
+
+from thesis_lib import potentials
+from thesis_lib.chapter3 import figure_3_2, huddle, runs, scaling
+from thesis_lib.domains import continuing_cliff, episodic_cliff
+from thesis_lib.edition.experiment import Context
+from thesis_lib.mdp import planning
+
+
+def test_stasis_share_by_hand():
+    rewards = np.zeros(10)
+    rewards[[1, 8]] = 10.0  # gaps without a goal: 1, 6 and 1 steps
+    assert figure_3_2.stasis_share(rewards, 5) == pytest.approx(0.6)
+    assert figure_3_2.stasis_share(rewards, 7) == 0.0
+
+
+def test_leave_one_out_by_hand():
+    # Factor 0 is best on task 0 only, factor 1 on tasks 1 and 2.
+    totals = np.array([[[9.0], [1.0], [1.0]], [[2.0], [5.0], [5.0]]])
+    # For task 0 the others prefer factor 1; for tasks 1 and 2 the sums are 10 against 7.
+    assert scaling.leave_one_out(totals).ravel().tolist() == [2.0, 1.0, 1.0]
+
+
+def test_greedy_path_reaches_the_goal_without_exploration():
+    domain = continuing_cliff(0.9)
+    for m, task in enumerate(domain.tasks):
+        assert huddle.reaches_goal(domain, m, planning.solve(task).q)
+        assert not huddle.reaches_goal(domain, m, planning.soft_policy_iteration(task, 0.2).q)
+
+
+def test_total_rewards_are_what_the_learner_earned():
+    """On a deterministic greedy walk the total is known: the cliff's best path costs 5."""
+    domain = episodic_cliff(True)
+    learner = runs.Learner("q_learning", 1.0, 0.0, episodes=3)
+    phi = potentials.q_star(domain)
+    first = runs.total_rewards(Context(seed=1), domain, [(learner, phi)], 2)
+    assert first.shape == (1, 8, 2)
+    assert (first <= -15).all()
+
+
+def test_unknown_potential_is_named():
+    with pytest.raises(ValueError, match="choose from none, Q_star"):
+        runs.named_potentials(continuing_cliff(), ["Q"], epsilon=0.1, mu=runs.MuSearch(), seed=0)

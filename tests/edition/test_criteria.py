@@ -1,0 +1,98 @@
+"""The shapes of criteria: each can hold, fail and say so."""
+
+import pytest
+
+from thesis_lib.edition.criteria import (
+    Pair,
+    equivalent,
+    near_printed,
+    ordered,
+    share_at_least,
+    within,
+)
+from thesis_lib.edition.ledger import Verdict
+from thesis_lib.edition.words import number, plus_minus, probability, several, span
+from thesis_lib.stats import Summary
+
+
+def pair(first, second, sd=1.0, n=100):
+    return Pair(Summary(first, sd, n), Summary(second, sd, n), ("one", "other"), "here")
+
+
+@pytest.mark.parametrize(
+    ("pairs", "verdict", "told"),
+    [
+        ([pair(3, 1), pair(2, 0)], Verdict.REPRODUCED, "Of 2 comparisons 2 are significantly so"),
+        ([pair(3, 1), pair(0, 2)], Verdict.REFUTED, "1 is significantly the other way"),
+        ([pair(3, 1), pair(1.01, 1)], Verdict.DIRECTION, "but only 1 is significantly so"),
+        ([pair(3, 1), pair(0.99, 1)], Verdict.NOT_REPRODUCED, "1 is the way stated"),
+        ([pair(1, 1)], Verdict.NOT_REPRODUCED, "none is the way stated"),
+    ],
+)
+def test_ordered(pairs, verdict, told):
+    found = ordered(pairs)
+    assert found.verdict is verdict
+    assert told in found.evidence
+    assert "here: one " in found.evidence
+
+
+def test_ordered_corrects_for_many_comparisons():
+    # Difference .3 of standard error .1414: p = .035, which two comparisons make .07.
+    assert ordered([pair(1.3, 1)]).verdict is Verdict.REPRODUCED
+    assert ordered([pair(1.3, 1), pair(1.3, 1)]).verdict is Verdict.DIRECTION
+
+
+def test_equivalent():
+    assert equivalent([pair(10, 10)], 0.1).verdict is Verdict.REPRODUCED
+    assert equivalent([pair(12, 10)], 0.1).verdict is Verdict.REFUTED
+    assert equivalent([pair(12, 10)], 0.1, refutable=False).verdict is Verdict.INCONCLUSIVE
+    assert equivalent([pair(10, 10, sd=20, n=5)], 0.1).verdict is Verdict.INCONCLUSIVE
+
+
+def test_near_printed_by_hand():
+    # Gaps of 1 and 2 over a common error of 5 = hypot(3, 4).
+    found = near_printed([1, 2], [3, 3], [0, 0], [4, 4])
+    assert found.verdict is Verdict.REPRODUCED
+    assert found.numbers["chi_square"] == pytest.approx((1 + 4) / 25)
+    assert near_printed([100], [3], [0], [4]).verdict is Verdict.NOT_REPRODUCED
+
+
+def test_within():
+    assert within({"a": 1.0, "b": 2.0}, 0, 2, "Exact").verdict is Verdict.REPRODUCED
+    found = within({"a": 1.0, "b": 2.5}, 0, 2, "Exact")
+    assert found.verdict is Verdict.NOT_REPRODUCED
+    assert found.evidence == "Exact: 1 (a) and 2.5 (b); 1 is between 0 and 2."
+
+
+def test_share_at_least():
+    held = {"a": True, "b": False, "c": False}
+    assert share_at_least(held, 1 / 3, "It holds").verdict is Verdict.REPRODUCED
+    found = share_at_least(held, 0.5, "It holds")
+    assert found.verdict is Verdict.NOT_REPRODUCED
+    assert found.evidence == "It holds in 1 of 3 (a)."
+    assert share_at_least(held, 0.5, "It holds", direction=True).verdict is Verdict.DIRECTION
+    none = share_at_least(dict.fromkeys(held, False), 0.5, "It holds", direction=True)
+    assert none.verdict is Verdict.NOT_REPRODUCED
+    assert none.evidence == "It holds in none of 3."
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (number(-4.5512, 0.043), "−4.551"),
+        (number(18840.3), "18,800"),
+        (number(18840.3, 120.0), "18,840"),
+        (number(0.000012), "0.000012"),
+        (number(1.0, 0.1, sign=True), "+1.00"),
+        (number(-0.001, 0.5), "0.00"),
+        (plus_minus(1.234, 0.056), "1.234 ± 0.056"),
+        (span(-1.234, 3.2), "−1.2 to 3.2"),
+        (probability(0.00012), "p < 0.001"),
+        (probability(0.0345), "p = 0.035"),
+        (probability(0.2), "p = 0.20"),
+        (several(["a"]), "a"),
+        (several(["a", "b", "c"]), "a, b and c"),
+    ],
+)
+def test_numbers_in_words(text, expected):
+    assert text == expected

@@ -1,0 +1,252 @@
+"""Figure 3.2: Sarsa on the continuing cliff while it learns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from thesis_lib import potentials
+from thesis_lib.arrays import FloatArray
+from thesis_lib.chapter3.runs import COLOUR, NAMES, SYMBOLS, MuSearch, curves, named_potentials
+from thesis_lib.chapter3.sarsa_solution import sarsa_solutions
+from thesis_lib.domains import continuing_cliff
+from thesis_lib.edition.experiment import Context, Returns, experiment, returns
+from thesis_lib.edition.ledger import Finding, Verdict, criterion
+from thesis_lib.edition.plots import PRINTED, band
+from thesis_lib.edition.words import several
+from thesis_lib.mdp.learning import learn
+from thesis_lib.stats import mean_ci
+
+
+@dataclass(frozen=True)
+class Config:
+    """Settings of figure 3.2."""
+
+    discount: float = 0.95
+    """gamma, which the thesis does not print."""
+    epsilon: float = 0.01
+    """Exploration rate."""
+    alpha: float = 0.07
+    """Learning rate; the thesis does not print the one of this figure."""
+    steps: int = 100_000
+    """Steps a run."""
+    n_runs: int = 100
+    """Runs the mean is over, each on a task drawn from the domain."""
+    points: int = 200
+    """Points of a curve."""
+    names: tuple[str, ...] = ("none", "Q_star", "Q_tilde", "Q_tilde_sarsa")
+    """Potentials."""
+    sarsa_steps: int = 10_000_000
+    """Steps of the Sarsa runs behind Q_tilde_sarsa."""
+    stasis: int = 10_000
+    """A stretch of so many steps without reaching the goal counts as stasis."""
+
+
+def shaping(config: Config, context: Context) -> dict[str, FloatArray]:
+    """The potentials of figure 3.2 by name."""
+    domain = continuing_cliff(config.discount)
+    names = [n for n in config.names if n != "Q_tilde_sarsa"]
+    phi = named_potentials(domain, names, epsilon=config.epsilon, mu=MuSearch(), seed=context.seed)
+    if "Q_tilde_sarsa" in config.names:
+        learned = sarsa_solutions(
+            domain, context, alpha=0.07, epsilon=config.epsilon, steps=config.sarsa_steps
+        )
+        phi["Q_tilde_sarsa"] = potentials.cross_task_values(domain, learned)
+    return phi
+
+
+SMOKE = Config(n_runs=3, steps=1000, points=10, sarsa_steps=2000, stasis=100)
+
+
+@dataclass(frozen=True)
+class Point(Returns):
+    """A point of a mean curve: returns are cumulative rewards up to it."""
+
+    potential: str
+    """none, Q_star, Q_tilde (exact), Q_tilde_sarsa (learned)."""
+    step: int
+    """Learning steps taken."""
+    stasis_share: float
+    """Share of the whole run in stretches without a goal, mean over runs."""
+    stasis_ci95: float
+    """Half-width of its 95% t interval."""
+
+
+@experiment("figure-3.2", item="Figure 3.2", smoke=SMOKE, book=Config(), seconds=10)
+def mean_curves(config: Config, context: Context) -> list[Point]:
+    """Cumulative reward of Sarsa on the continuing cliff while it learns, mean of runs."""
+    domain = continuing_cliff(config.discount)
+    every = config.steps // config.points
+    records = []
+    for name, potential in shaping(config, context).items():
+        initial = domain.scatter_all(potential)
+
+        def one(
+            seed: np.random.SeedSequence, initial: list[FloatArray] = initial
+        ) -> tuple[FloatArray, float]:
+            rng = np.random.default_rng(seed)
+            m = int(domain.sample(1, rng)[0])
+            learned = learn(
+                domain.tasks[m],
+                "sarsa",
+                alpha=config.alpha,
+                epsilon=config.epsilon,
+                steps=config.steps,
+                initial_q=initial[m],
+                rng=rng,
+                checkpoint_every=every,
+                record={"rewards"},
+            )
+            assert learned.rewards is not None
+            return learned.checkpoint_rewards, stasis_share(learned.rewards, config.stasis)
+
+        results = context.map(one, context.seeds(config.n_runs, 32), name)
+        reached = np.array([curve for curve, _ in results])
+        share = mean_ci([share for _, share in results])
+        records += [
+            Point(
+                potential=name,
+                step=(i + 1) * every,
+                stasis_share=share.mean,
+                stasis_ci95=share.half_width,
+                **returns(reached[:, i]),
+            )
+            for i in range(config.points)
+        ]
+    return records
+
+
+def stasis_share(rewards: FloatArray, length: int) -> float:
+    """Share of a run spent in stretches of at least ``length`` steps without a goal."""
+    goals = np.flatnonzero(rewards > 0)
+    gaps = np.diff(np.concatenate([[-1], goals, [len(rewards)]])) - 1
+    return float(gaps[gaps >= length].sum() / len(rewards))
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A point of a single run."""
+
+    potential: str
+    """As in figure-3.2."""
+    step: int
+    """Learning steps taken."""
+    cumulative_reward: float
+    """Up to the step."""
+    td_error: float
+    """Mean |TD error| since the point before."""
+    largest_td_error: float
+    """Largest |TD error| since the point before."""
+
+
+@experiment(
+    "figure-3.2-runs", item="Figure 3.2, single runs", smoke=SMOKE, book=Config(), seconds=5
+)
+def single_runs(config: Config, context: Context) -> list[Moment]:
+    """Cumulative reward and TD error of single runs of Sarsa on the continuing cliff.
+
+    The same task and seed for every potential: the domain's first task.
+    """
+    domain = continuing_cliff(config.discount)
+    every = config.steps // config.points
+    records = []
+    for name, potential in shaping(config, context).items():
+        learned = learn(
+            domain.tasks[0],
+            "sarsa",
+            alpha=config.alpha,
+            epsilon=config.epsilon,
+            steps=config.steps,
+            initial_q=domain.scatter(potential, 0),
+            rng=np.random.default_rng(context.seeds(1, 33)[0]),
+            record={"rewards", "td_errors"},
+        )
+        assert learned.rewards is not None
+        assert learned.td_errors is not None
+        cumulative = np.cumsum(learned.rewards)
+        size = np.abs(learned.td_errors[: every * config.points]).reshape(config.points, every)
+        for i in range(config.points):
+            step = (i + 1) * every
+            records.append(Moment(name, step, cumulative[step - 1], size[i].mean(), size[i].max()))
+    return records
+
+
+def _shaped(table: pd.DataFrame) -> list[str]:
+    return [name for name in dict.fromkeys(table.potential) if name != "none"]
+
+
+@criterion("3.4.2-early-boost", mean_curves)
+def early_boost(table: pd.DataFrame) -> Finding:
+    """Step at which unshaped Sarsa's mean cumulative reward overtakes each shaped one's."""
+    by = table.pivot(index="step", columns="potential", values="mean_return")
+    crossings = {
+        name: int(max(by.index[by["none"] < by[name]], default=0)) for name in _shaped(table)
+    }
+    near = any(3_000 <= step <= 30_000 for step in crossings.values())
+    told = several(f"{NAMES[name]} until step {s:,}" for name, s in crossings.items())
+    return Finding(
+        Verdict.REPRODUCED if near else Verdict.NOT_REPRODUCED,
+        f"Shaped Sarsa's mean cumulative reward is ahead: {told}.",
+        crossings,
+    )
+
+
+@criterion("3.4.2-stasis", mean_curves)
+def stasis(table: pd.DataFrame) -> Finding:
+    """Share of the run in long stretches without a goal, shaped against unshaped."""
+    by = table.groupby("potential").first()
+    share, half = by.stasis_share, by.stasis_ci95
+    most = share["none"] + half["none"]
+    more = [bool(share[name] - half[name] > most) for name in _shaped(table)]
+    told = several(f"{share[n]:.0%} ± {half[n]:.0%} ({NAMES[n]})" for n in _shaped(table))
+    if all(more):
+        verdict = Verdict.REPRODUCED
+    else:
+        verdict = Verdict.DIRECTION if any(more) else Verdict.NOT_REPRODUCED
+    return Finding(
+        verdict,
+        f"Share of the run in stasis: {share['none']:.0%} ± {half['none']:.0%} (no shaping), "
+        f"{told}.",
+        dict(share),
+    )
+
+
+def figure(mean: pd.DataFrame, runs: pd.DataFrame) -> Figure:
+    """Mean cumulative reward, and single runs with their TD errors below."""
+    names = list(dict.fromkeys(mean.potential))
+    fig, axes = plt.subplots(3, len(names), figsize=(7.2, 5.6), sharex=True, squeeze=False)
+    for column, name in zip(axes.T, names, strict=True):
+        single = runs[runs.potential == name]
+        top, middle, bottom = column
+        band(top, mean[mean.potential == name], "step", 1e3, color=COLOUR[name])
+        top.set_title(SYMBOLS[name], fontsize=10)
+        middle.plot(single.step, single.cumulative_reward / 1e3, color="k", lw=1)
+        bottom.semilogy(single.step, single.largest_td_error.clip(lower=1e-3), color="k", lw=0.8)
+        bottom.ticklabel_format(axis="x", style="sci", scilimits=(3, 3))
+        bottom.set_xlabel("step")
+    labels = (
+        "mean cumulative\nreward [$10^3$]",
+        "one run: cumul.\nreward [$10^3$]",
+        "one run: largest\n|TD error|",
+    )
+    for row, label in zip(axes, labels, strict=True):
+        row[0].set_ylabel(label, fontsize=9)
+        limits = [ax.get_ylim() for ax in row]
+        for ax in row:
+            ax.set_ylim(min(a for a, _ in limits), max(b for _, b in limits))
+            ax.tick_params(labelsize=8)
+    return fig
+
+
+def boost_figure(mean: pd.DataFrame) -> Figure:
+    """Mean cumulative reward of every potential in one picture, steps on a logarithmic axis."""
+    fig, ax = plt.subplots()
+    curves(ax, mean, "step")
+    ax.set(xscale="log", xlabel="step", ylabel="mean cumulative reward")
+    ax.axvline(1e4, color=PRINTED, ls=":", label="end of the boost, as printed")
+    ax.legend(fontsize=8)
+    return fig

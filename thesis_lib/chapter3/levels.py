@@ -1,0 +1,137 @@
+"""Section 3.3: how high the potentials are and which actions they prefer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from thesis_lib import potentials
+from thesis_lib.arrays import FloatArray
+from thesis_lib.chapter3.runs import SETTINGS, SYMBOLS, MuSearch
+from thesis_lib.domains import Domain
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.ledger import Finding, Verdict, criterion
+from thesis_lib.edition.words import number
+from thesis_lib.mdp.greedy import greedy_actions
+
+
+@dataclass(frozen=True)
+class Config:
+    """Which domains the levels of the potentials are compared on."""
+
+    domains: tuple[str, ...] = tuple(SETTINGS)
+    """Domains of chapter 3."""
+    mu: MuSearch = field(default_factory=MuSearch)
+    """The search for the cross-task policy."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """One potential of one domain."""
+
+    domain: str
+    """Which domain."""
+    potential: str
+    """Q_star, Q_tilde or Q_mu, all with uniform p(x|m)."""
+    mean: float
+    """Mean over pairs."""
+    lowest: float
+    """Least value."""
+    highest: float
+    """Largest value."""
+    largest_rise: float
+    """Largest amount by which it exceeds Q_star at some pair."""
+    mean_gap: float
+    """Mean over pairs of Q_star less it."""
+    same_greedy_actions: float
+    """Share of observations with the same greedy actions as Q_star."""
+
+
+@experiment(
+    "ch3-levels",
+    item="Section 3.3, the levels of the potentials",
+    smoke=Config(domains=("triangle",), mu=MuSearch(restarts=1)),
+    book=Config(),
+    seconds=5,
+    was="section-3.3-levels",
+)
+def levels(config: Config, context: Context) -> list[Level]:
+    """How high each potential is and which actions it prefers, exact."""
+    records = []
+    for name in config.domains:
+        domain = SETTINGS[name].domain()
+        epsilon = SETTINGS[name].learners[0].epsilon
+        # Averages of the same weights throughout, so that only the task values differ.
+        policy = config.mu.policy(domain, context.seed)
+        phi = {
+            "Q_star": potentials.q_star(domain),
+            "Q_tilde": potentials.q_tilde(domain, epsilon),
+            "Q_mu": potentials.q_mu(domain, policy),
+        }
+        best = greedy_actions(phi["Q_star"])
+        for potential, values in phi.items():
+            gap = phi["Q_star"] - values
+            records.append(
+                Level(
+                    domain=name,
+                    potential=potential,
+                    mean=float(values.mean()),
+                    lowest=float(values.min()),
+                    highest=float(values.max()),
+                    largest_rise=float((-gap).max()),
+                    mean_gap=float(gap.mean()),
+                    same_greedy_actions=float((greedy_actions(values) == best).all(axis=1).mean()),
+                )
+            )
+    return records
+
+
+@criterion("3.4.3-levels", levels)
+def triangle_levels(table: pd.DataFrame) -> Finding:
+    """Q* above Q~ above Q^mu at every pair, with the same order of actions."""
+    at = table[table.domain == "triangle"].set_index("potential")
+    star, tilde, mu = (float(at.loc[name, "mean"]) for name in ("Q_star", "Q_tilde", "Q_mu"))
+    is_ordered = star > tilde > mu and float(at.largest_rise.max()) <= 1e-9
+    same = float(at.same_greedy_actions.min())
+    if is_ordered and same == 1.0:
+        verdict = Verdict.REPRODUCED
+    else:
+        verdict = Verdict.DIRECTION if is_ordered else Verdict.NOT_REPRODUCED
+    return Finding(
+        verdict,
+        f"Mean over pairs: Q* {number(star)}, Q~ {number(tilde)}, Q^μ {number(mu)}; some potential "
+        f"has the greedy actions of Q* at only {same:.0%} of the observations."
+        if same < 1
+        else f"Mean over pairs: Q* {number(star)}, Q~ {number(tilde)}, Q^μ {number(mu)}; all have "
+        "the same greedy actions.",
+        {"Q_star": star, "Q_tilde": tilde, "Q_mu": mu, "same": same},
+    )
+
+
+def value_maps(domain: Domain, phi: Mapping[str, FloatArray]) -> Figure:
+    """State values, the best action's, of potentials on the cliff's grid, one map each."""
+    fig, axes = plt.subplots(1, len(phi), figsize=(7.2, 2.4), squeeze=False)
+    for ax, (name, values) in zip(axes[0], phi.items(), strict=True):
+        grid = np.full((4, 4), np.nan)
+        x, y = domain.observations[:, 0], domain.observations[:, 1]
+        grid[y, x] = values.max(axis=1)
+        picture = ax.imshow(grid, origin="lower")
+        ax.set(title=SYMBOLS[name], xticks=range(4), yticks=range(4), xlabel="x")
+        ax.grid(False)
+        fig.colorbar(picture, ax=ax, shrink=0.8).ax.tick_params(labelsize=7)
+    axes[0, 0].set_ylabel("y")
+    return fig
+
+
+def shown(table: pd.DataFrame) -> pd.DataFrame:
+    """Level of each potential, and in what share of observations its actions are those of Q*."""
+    words = {
+        "potential": table.potential.map(SYMBOLS),
+        "order": table.same_greedy_actions.map("{:.0%}".format),
+    }
+    return table.assign(**words)[["domain", "potential", "mean", "lowest", "highest", "order"]]

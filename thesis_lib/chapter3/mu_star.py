@@ -1,0 +1,130 @@
+"""Section 3.3.5: what the thesis's genetic algorithm and exact gradients find."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from itertools import product
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.chapter3.runs import SETTINGS
+from thesis_lib.edition.criteria import share_at_least
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.ledger import Finding, Verdict, criterion
+from thesis_lib.edition.words import number
+from thesis_lib.potentials.cross_task_policy import CrossTaskProblem, GeneticAlgorithm, climb
+
+
+@dataclass(frozen=True)
+class Config:
+    """How hard each search for the cross-task policy tries."""
+
+    domains: tuple[str, ...] = tuple(SETTINGS)
+    """Domains of chapter 3."""
+    objectives: tuple[Literal["start", "stationary"], ...] = ("start", "stationary")
+    """Equation 3.9 with start-state weights, and equation 3.11."""
+    ga: GeneticAlgorithm = field(default_factory=GeneticAlgorithm)
+    """The genetic algorithm of footnote 2."""
+    ga_runs: int = 2
+    """Runs of the genetic algorithm."""
+    restarts: int = 20
+    """Starting points of the exact gradient search."""
+
+
+@dataclass(frozen=True)
+class Search:
+    """What one search for the cross-task policy reaches."""
+
+    domain: str
+    """Which domain."""
+    objective: str
+    """start (3.9 with start-state weights) or stationary (3.11)."""
+    method: str
+    """uniform policy, ga (footnote 2) or gradient (exact, with restarts)."""
+    value: float
+    """Best objective reached."""
+    worst: float
+    """Worst objective over runs or restarts."""
+    n: int
+    """Runs or restarts."""
+    cpu_seconds: float
+    """Processor time of them all."""
+
+
+@experiment(
+    "ch3-mu-star",
+    item="Section 3.3.5, the cross-task policy",
+    smoke=Config(domains=("triangle",), ga=GeneticAlgorithm(generations=5), ga_runs=1, restarts=2),
+    book=Config(),
+    seconds=90,
+    was="section-3.3.5",
+)
+def searches(config: Config, context: Context) -> list[Search]:
+    """Value of the best cross-task policy found by the thesis's GA and by exact gradients."""
+
+    def one(job: tuple[str, Literal["start", "stationary"]]) -> list[Search]:
+        name, objective = job
+        domain = SETTINGS[name].domain()
+        problem = CrossTaskProblem(domain, objective)
+        uniform = float(problem.value(np.full(domain.shape, 1 / domain.shape[1])))
+        seeds = context.seeds(config.ga_runs + 1, list(SETTINGS).index(name))
+        clock = time.thread_time()
+        genetic = [config.ga.search(problem, np.random.default_rng(s)).value for s in seeds[1:]]
+        spent = time.thread_time() - clock
+        clock = time.thread_time()
+        best = climb(problem, np.random.default_rng(seeds[0]), restarts=config.restarts)
+        reached = best.history
+        found = (
+            ("uniform", uniform, uniform, 1, 0.0),
+            ("ga", max(genetic), min(genetic), len(genetic), round(spent, 2)),
+            ("gradient", best.value, float(reached.min()), len(reached),
+             round(time.thread_time() - clock, 2)),
+        )  # fmt: skip
+        return [Search(name, objective, *each) for each in found]
+
+    jobs = list(product(config.domains, config.objectives))
+    return [r for records in context.map(one, jobs, "mu*") for r in records]
+
+
+@criterion("3.3.5-ga-missed-mu-star", searches)
+def ga_misses_mu_star(table: pd.DataFrame) -> Finding:
+    """Whether the GA's best value is below that of exact gradients, by domain."""
+    by = table.pivot(index=["domain", "objective"], columns="method", values="value")
+    by = by.reindex(list(dict.fromkeys(zip(table.domain, table.objective, strict=True))))
+    missed = {
+        f"{domain}, {objective}: {number(v.ga)} of {number(v.gradient)}": bool(
+            (v.gradient - v.ga) / abs(v.gradient) > 0.01
+        )
+        for (domain, objective), v in by.iterrows()
+    }
+    what = "The GA stays more than 1% below the value that exact gradients reach"
+    return share_at_least(missed, 1 / len(missed), what)
+
+
+@criterion("3.3.5-mu-star-is-poor", searches)
+def mu_star_is_poor_itself(table: pd.DataFrame) -> Finding:
+    """Whether even the best policy found earns far less than the tasks' own optima."""
+    at = table[(table.domain == "episodic cliff") & (table.objective == "start")]
+    best = float(at[at.method == "gradient"].value.iloc[0])
+    # Each task's own optimum walks round the cliff in five steps.
+    return Finding(
+        Verdict.REPRODUCED if best < -1000 else Verdict.NOT_REPRODUCED,
+        f"The best cross-task policy found earns {number(round(best))} an episode; a task's own "
+        "optimum earns −5.",
+        {"best": best},
+    )
+
+
+def shown(table: pd.DataFrame) -> pd.DataFrame:
+    """What each search reaches, one row a domain and objective."""
+    wide = table.pivot(index=["domain", "objective"], columns="method", values="value")
+    wide = wide.reindex(columns=["uniform", "ga", "gradient"])
+    gap = (wide["gradient"] - wide["ga"]) / wide["gradient"].abs()
+    text = wide.map(lambda v: number(v) if abs(v) > 1e-9 else "0")
+    text["gap"] = gap.map("{:.1%}".format)
+    text.columns = ["uniform", "GA (footnote 2)", "exact gradients", "GA below by"]
+    order = dict.fromkeys(zip(table.domain, table.objective, strict=True))
+    return text.reindex(list(order)).reset_index()

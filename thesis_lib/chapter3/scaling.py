@@ -1,0 +1,154 @@
+"""Beyond the thesis: potentials times a factor (the open question of section 3.6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import product
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from thesis_lib.arrays import FloatArray
+from thesis_lib.chapter3.runs import (
+    LEARNERS,
+    SETTINGS,
+    SYMBOLS,
+    MuSearch,
+    Potential,
+    curves,
+    named_potentials,
+    total_rewards,
+)
+from thesis_lib.edition.experiment import Context, Returns, experiment, returns
+from thesis_lib.edition.plots import PRINTED
+from thesis_lib.stats import mean_ci
+
+
+@dataclass(frozen=True)
+class Config:
+    """Which factors each potential is multiplied by (the open question of section 3.6)."""
+
+    domains: tuple[str, ...] = tuple(SETTINGS)
+    """Domains of chapter 3."""
+    names: tuple[Potential, ...] = ("Q_star", "Q_tilde", "Q_mu", "constant")
+    """Potentials."""
+    factors: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0, 1.1, 1.25, 1.5, 2.0, 4.0)
+    """Scale factors; 0 is no shaping, 1 the potential itself."""
+    repeats: int = 25
+    """Runs a task."""
+    mu: MuSearch = field(default_factory=MuSearch)
+    """The search for the cross-task policy."""
+
+
+@dataclass(frozen=True)
+class Return(Returns):
+    """Return with one potential times one factor."""
+
+    domain: str
+    """Which domain."""
+    algorithm: str
+    """The learner."""
+    potential: str
+    """What is scaled."""
+    factor: float
+    """0 is no shaping, 1 the potential itself."""
+    derived_mean: float
+    """Mean return on each task with the factor best on the other tasks: what an agent could
+    know from its source tasks."""
+    derived_ci95: float
+    """Half-width of its 95% t interval."""
+
+
+@experiment(
+    "ch3-scaling",
+    item="Section 3.6, scaling the potential",
+    smoke=Config(domains=("triangle",), factors=(0.0, 1.0), repeats=1, mu=MuSearch(restarts=1)),
+    book=Config(),
+    seconds=60,
+    was="section-3.6-scaling",
+)
+def scaled(config: Config, context: Context) -> list[Return]:
+    """Return over a factor the potential is multiplied by."""
+    records = []
+    for name in config.domains:
+        domain = SETTINGS[name].domain()
+        for learner in SETTINGS[name].learners:
+            phi = named_potentials(
+                domain, config.names, epsilon=learner.epsilon, mu=config.mu, seed=context.seed
+            )
+            keys = list(product(config.names, config.factors))
+            cells = [(learner, factor * phi[potential]) for potential, factor in keys]
+            totals = total_rewards(context, domain, cells, config.repeats, name)
+            for i, potential in enumerate(config.names):
+                own = totals[i * len(config.factors) : (i + 1) * len(config.factors)]
+                derived = mean_ci(leave_one_out(own))
+                records += [
+                    Return(
+                        domain=name,
+                        algorithm=learner.method,
+                        potential=potential,
+                        factor=factor,
+                        derived_mean=derived.mean,
+                        derived_ci95=derived.half_width,
+                        **returns(total),
+                    )
+                    for factor, total in zip(config.factors, own, strict=True)
+                ]
+    return records
+
+
+def leave_one_out(totals: FloatArray) -> FloatArray:
+    """Returns on each task with the factor that is best on the other tasks.
+
+    Parameters
+    ----------
+    totals
+        Return by factor, task and run, shape ``(F, M, R)``.
+
+    Returns
+    -------
+    FloatArray
+        Shape ``(M, R)``.
+    """
+    by_task = totals.mean(axis=2)
+    n_tasks = by_task.shape[1]
+    others = by_task.sum(axis=1, keepdims=True) - by_task
+    best = np.argmax(others, axis=0)
+    return np.stack([totals[best[m], m] for m in range(n_tasks)])
+
+
+def figure(table: pd.DataFrame) -> Figure:
+    """Return over the scale factor, one panel a domain and learner."""
+    groups = list(table.groupby(["domain", "algorithm"], sort=False))
+    columns = min(2, len(groups))
+    n_rows = -(-len(groups) // columns)
+    size = (7.2, 0.7 + 1.9 * n_rows)
+    fig, axes = plt.subplots(n_rows, columns, figsize=size, squeeze=False, sharex=True)
+    for ax, ((domain, method), own) in zip(axes.flat, groups, strict=False):
+        curves(ax, own, "factor", marker="o", ms=3)
+        ax.axvline(1, color=PRINTED, ls=":", lw=1)
+        ax.set_title(f"{domain}, {LEARNERS[method]}", fontsize=9)
+        ax.tick_params(labelsize=8)
+    for ax in axes.flat[len(groups) :]:
+        ax.axis("off")
+    for ax in axes[-1]:
+        ax.set_xlabel("factor", fontsize=9)
+    fig.supylabel("total reward", fontsize=10)
+    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return fig
+
+
+def shown(table: pd.DataFrame) -> pd.DataFrame:
+    """Best factor of each potential, with the return there, at 1, and with a derived factor."""
+    keys = ["domain", "algorithm", "potential"]
+    best = table.loc[table.groupby(keys, sort=False).mean_return.idxmax()].set_index(keys)
+    at_one = table[table.factor == 1].set_index(keys).mean_return.reindex(best.index)
+    wide = best[["factor"]].assign(
+        at_best=best.mean_return, at_one=at_one, derived=best.derived_mean
+    )
+    wide = wide.reset_index()
+    wide["learner"] = wide.pop("algorithm").map(LEARNERS)
+    wide["potential"] = wide.potential.map(SYMBOLS)
+    return wide[["domain", "learner", "potential", "factor", "at_best", "at_one", "derived"]]

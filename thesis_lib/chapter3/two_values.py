@@ -1,0 +1,165 @@
+"""Beyond the thesis: two value functions learned at once (the suggestion of section 3.6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from thesis_lib import potentials
+from thesis_lib.arrays import FloatArray
+from thesis_lib.chapter3.runs import SETTINGS, Learner, total_rewards
+from thesis_lib.domains import Domain
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.plots import COLOURS, PRINTED
+from thesis_lib.mdp.learning import learn
+from thesis_lib.stats import mean_ci
+
+
+@dataclass(frozen=True)
+class Config:
+    """How two value functions are learned at once (the suggestion of section 3.6)."""
+
+    domains: tuple[str, ...] = tuple(SETTINGS)
+    """Domains of chapter 3."""
+    steps: tuple[int, ...] = (1_000, 10_000, 100_000, 1_000_000)
+    """Learning steps on each source task."""
+    alpha: float = 0.1
+    """Learning rate of both value functions."""
+    repeats: int = 10
+    """Runs on each target task with the potential so obtained."""
+    n_sources: int = 5
+    """Independent sets of source solutions."""
+
+
+@dataclass(frozen=True)
+class Return:
+    """What a potential that was learned is worth, against the exact one."""
+
+    domain: str
+    """Which domain."""
+    potential: str
+    """Q_star from the learner's own values, Q_tilde from those on the side."""
+    steps: int
+    """Learning steps on each source task."""
+    relative_error: float
+    """Mean |learned - exact| over the largest deviation of the exact Q~."""
+    mean_return: float
+    """Mean total reward of a Q-learner with the learned potential."""
+    ci95: float
+    """Half-width of its 95% t interval over runs."""
+    n_runs: int
+    """Number of runs."""
+    exact_mean: float
+    """The same with the exact potential."""
+    exact_ci95: float
+    """Half-width of its 95% t interval."""
+    exact_n_runs: int
+    """Number of runs with the exact potential."""
+
+
+@experiment(
+    "ch3-two-values",
+    item="Section 3.6, two value functions at once",
+    smoke=Config(domains=("triangle",), steps=(100,), repeats=2, n_sources=2),
+    book=Config(),
+    seconds=40,
+    was="section-3.6-two-values",
+)
+def learned_on_the_side(config: Config, context: Context) -> list[Return]:
+    """A Q-learner that learns the soft values on the side, against the exact potential."""
+    records = []
+    for d, name in enumerate(config.domains):
+        domain = SETTINGS[name].domain()
+        target = next(x for x in SETTINGS[name].learners if x.method == "q_learning")
+        # The source learner explores as the target learner will: the soft values are its own.
+        exact = potentials.q_tilde(domain, target.epsilon)
+        star = potentials.q_star(domain)
+        spread = float(np.abs(exact - exact.mean()).max())
+        for steps in config.steps:
+
+            def source(
+                seed: np.random.SeedSequence,
+                steps: int = steps,
+                domain: Domain = domain,
+                target: Learner = target,
+            ) -> tuple[FloatArray, FloatArray]:
+                rng = np.random.default_rng(seed)
+                own, side = [], []
+                for task in domain.tasks:
+                    learned = learn(
+                        task,
+                        "q_learning",
+                        alpha=config.alpha,
+                        epsilon=target.epsilon,
+                        steps=steps,
+                        companion="expected_sarsa",
+                        rng=rng,
+                    )
+                    assert learned.companion is not None
+                    own.append(learned.q)
+                    side.append(learned.companion)
+                return (
+                    potentials.cross_task_values(domain, own),
+                    potentials.cross_task_values(domain, side),
+                )
+
+            pairs = context.map(source, context.seeds(config.n_sources, 36, d, steps), name)
+            for potential, learned, truth in (
+                ("Q_star", [p[0] for p in pairs], star),
+                ("Q_tilde", [p[1] for p in pairs], exact),
+            ):
+                # As many runs with the exact potential as with the learned ones.
+                cells = [(target, phi) for phi in (*learned, *[truth] * len(learned))]
+                totals = total_rewards(context, domain, cells, config.repeats, name)
+                reached, best = mean_ci(totals[: len(learned)]), mean_ci(totals[len(learned) :])
+                error = np.mean([np.abs(phi - truth).mean() for phi in learned]) / spread
+                records.append(
+                    Return(
+                        domain=name,
+                        potential=potential,
+                        steps=steps,
+                        relative_error=float(error),
+                        mean_return=reached.mean,
+                        ci95=reached.half_width,
+                        n_runs=reached.n,
+                        exact_mean=best.mean,
+                        exact_ci95=best.half_width,
+                        exact_n_runs=best.n,
+                    )
+                )
+    return records
+
+
+def figure(table: pd.DataFrame) -> Figure:
+    """Error of the potentials learned on the side, and the return they give."""
+    domains = list(dict.fromkeys(table.domain))
+    fig, axes = plt.subplots(1, 2, figsize=(7.2, 3.4))
+    for i, domain in enumerate(domains):
+        for name, style in (("Q_star", ":"), ("Q_tilde", "-")):
+            own = table[(table.domain == domain) & (table.potential == name)]
+            axes[0].loglog(
+                own.steps,
+                own.relative_error,
+                style,
+                marker="o",
+                ms=3,
+                color=COLOURS[i],
+                label=domain if name == "Q_tilde" else None,
+            )
+            if name == "Q_tilde":
+                gain = (own.mean_return - own.exact_mean) / own.exact_mean.abs()
+                error = np.hypot(own.ci95, own.exact_ci95) / own.exact_mean.abs()
+                axes[1].errorbar(
+                    own.steps, gain, yerr=error, marker="o", ms=3, capsize=2, color=COLOURS[i]
+                )
+    axes[0].set(xlabel="steps a source task", ylabel="mean error / spread of $\\tilde Q_d$")
+    axes[1].set(
+        xscale="log", xlabel="steps a source task", ylabel="relative return, learned − exact"
+    )
+    axes[1].axhline(0, color=PRINTED, lw=1)
+    fig.legend(loc="outside lower center", ncols=3, fontsize=8)
+    return fig

@@ -1,0 +1,233 @@
+"""The shapes of criteria: each takes numbers and returns a verdict with its evidence.
+
+The evidence is written from the numbers that gave the verdict, so that it can state no outcome
+they do not have.  A criterion that fits no shape is a function of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+from scipy import stats as distributions
+
+from thesis_lib.edition.ledger import Finding, Verdict
+from thesis_lib.edition.words import number, plus_minus, probability, several, span
+from thesis_lib.stats import Summary, chi_square, equivalence, holm, welch
+
+LEVEL = 0.05
+"""Significance below which a difference counts."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two results compared.
+
+    Attributes
+    ----------
+    first, second
+        Means over runs; the claim says that the first is the greater, or that they are alike.
+    names
+        What the two are called.
+    where
+        In which setting, such as ``without sensor``; may be empty.
+    """
+
+    first: Summary
+    second: Summary
+    names: tuple[str, str]
+    where: str = ""
+
+    def __str__(self) -> str:
+        first, second = (plus_minus(s.mean, _half(s)) for s in (self.first, self.second))
+        where = f"{self.where}: " if self.where else ""
+        return f"{where}{self.names[0]} {first}, {self.names[1]} {second}"
+
+
+def summary(row: pd.Series) -> Summary:
+    """A row's ``mean_return``, ``sd`` and ``n_runs``."""
+    return Summary(float(row.mean_return), float(row.sd), int(row.n_runs))
+
+
+def best(table: pd.DataFrame) -> pd.Series:
+    """The row with the highest ``mean_return``."""
+    return table.loc[table.mean_return.idxmax()]
+
+
+def _half(of: Summary) -> float:
+    return float(distributions.t.ppf(0.975, of.n - 1)) * of.sd / of.n**0.5
+
+
+def ordered(pairs: Sequence[Pair], unit: str = "") -> Finding:
+    """Whether every first is the greater: Welch's tests with Holm's correction.
+
+    Reproduced when all are, significantly; refuted when one is significantly the lesser; right
+    in direction only when all are greater and some not significantly.
+
+    Parameters
+    ----------
+    pairs
+        At least one.
+    unit
+        What the numbers are, such as ``total reward in units of 10⁴``.
+    """
+    tests = [welch(p.first, p.second) for p in pairs]
+    adjusted = holm([t.p_value for t in tests])
+    right = [t.difference > 0 for t in tests]
+    sure = [p < LEVEL for p in adjusted]
+    wrong = sum(s and not r for r, s in zip(right, sure, strict=True))
+    if wrong:
+        verdict = Verdict.REFUTED
+        lead = f"{_share(wrong, len(pairs))} significantly the other way"
+    elif all(right) and all(sure):
+        verdict, lead = Verdict.REPRODUCED, f"{_share(len(pairs), len(pairs))} significantly so"
+    elif all(right):
+        verdict = Verdict.DIRECTION
+        lead = f"all go the way stated, but only {_share(sum(sure), len(pairs))} significantly so"
+    else:
+        verdict = Verdict.NOT_REPRODUCED
+        lead = f"{_share(sum(right), len(pairs))} the way stated"
+    told = "; ".join(
+        f"{pair} (difference {number(t.difference, (t.high - t.low) / 2, sign=True)}, "
+        f"95% interval {span(t.low, t.high)}, {probability(p)})"
+        for pair, t, p in zip(pairs, tests, adjusted, strict=True)
+    )
+    return Finding(
+        verdict,
+        f"Of {len(pairs)} comparisons {lead} (Welch, Holm; {_runs(pairs)}{_in(unit)}): {told}.",
+        {str(p.where or p.names): t.difference for p, t in zip(pairs, tests, strict=True)},
+    )
+
+
+def equivalent(
+    pairs: Sequence[Pair], margin: float, unit: str = "", *, refutable: bool = True
+) -> Finding:
+    """Whether the two of each pair are alike: two one-sided Welch tests.
+
+    Reproduced when all are equivalent within the margin; else refuted when some pair differs
+    significantly (Welch, Holm); else inconclusive, for too few runs show nothing.
+
+    Parameters
+    ----------
+    pairs
+        At least one.
+    margin
+        Largest difference that counts as none, as a share of the second mean.
+    unit
+        See :func:`ordered`.
+    refutable
+        Whether a significant difference that may be within the margin refutes the claim.
+    """
+    bounds = [margin * abs(p.second.mean) for p in pairs]
+    tests = [equivalence(p.first, p.second, b) for p, b in zip(pairs, bounds, strict=True)]
+    equal = sum(t.p_value < LEVEL for t in tests)
+    p_differ = np.array([welch(p.first, p.second).p_value for p in pairs])
+    differ = int((holm(p_differ) < LEVEL).sum())
+    if equal == len(pairs):
+        verdict = Verdict.REPRODUCED
+    elif differ and refutable:
+        verdict = Verdict.REFUTED
+    else:
+        verdict = Verdict.INCONCLUSIVE
+    shown = pairs if len(pairs) <= 3 else [pairs[int(p_differ.argmin())]]
+    lead = "" if len(pairs) <= 3 else "the clearest difference: "
+    return Finding(
+        verdict,
+        f"Of {len(pairs)} comparisons {_share(equal, len(pairs))} equivalent within {margin:.0%} "
+        f"(two one-sided tests) and {_share(differ, len(pairs))} significantly different (Welch, "
+        f"Holm; {_runs(pairs)}{_in(unit)}); {lead}{'; '.join(map(str, shown))}.",
+        {"equivalent": equal, "different": differ},
+    )
+
+
+def near_printed(
+    ours: ArrayLike, error: ArrayLike, printed: ArrayLike, printed_error: ArrayLike
+) -> Finding:
+    """Whether numbers meet the printed ones together: chi-square, p above .01.
+
+    Parameters
+    ----------
+    ours, error
+        Means and their standard errors, shape ``(n,)``.
+    printed, printed_error
+        What the thesis prints, and the standard errors of that.
+    """
+    mean, wanted = np.asarray(ours, float), np.asarray(printed, float)
+    sd = np.hypot(np.asarray(error, float), np.asarray(printed_error, float))
+    total = chi_square(mean, wanted, sd)
+    p = float(distributions.chi2.sf(total, len(mean)))
+    far = np.abs(mean - wanted) / sd
+    return Finding(
+        Verdict.REPRODUCED if p > 0.01 else Verdict.NOT_REPRODUCED,
+        f"The {len(mean)} numbers differ from the printed ones by chi-square {number(total, 1)} "
+        f"on {len(mean)} degrees of freedom ({probability(p)}), the farthest by "
+        f"{far.max():.1f} standard errors.",
+        {"chi_square": total, "p": p, "farthest": float(far.max())},
+    )
+
+
+def within(values: Mapping[str, float], low: float, high: float, what: str) -> Finding:
+    """Whether exact numbers all lie in an interval.
+
+    Parameters
+    ----------
+    values
+        By setting.
+    low, high
+        Inclusive.
+    what
+        What they are, as the sentence begins.
+    """
+    inside = sum(low <= v <= high for v in values.values())
+    told = several(f"{number(v)} ({setting})" for setting, v in values.items())
+    return Finding(
+        Verdict.REPRODUCED if inside == len(values) else Verdict.NOT_REPRODUCED,
+        f"{what}: {told}; {_share(inside, len(values))} between {number(low)} and {number(high)}.",
+        dict(values),
+    )
+
+
+def share_at_least(
+    held: Mapping[str, bool], share: float, what: str, *, direction: bool = False
+) -> Finding:
+    """Whether something holds in enough of the settings tried.
+
+    Parameters
+    ----------
+    held
+        By setting.
+    share
+        Of the settings, inclusive.
+    what
+        What holds, as the sentence begins.
+    direction
+        Whether fewer, but not none, are right in direction.
+    """
+    where = [setting for setting, holds in held.items() if holds]
+    enough = len(where) >= share * len(held)
+    some = Verdict.DIRECTION if direction and where else Verdict.NOT_REPRODUCED
+    named = f" ({'; '.join(where)})" if 0 < len(where) < len(held) else ""
+    return Finding(
+        Verdict.REPRODUCED if enough else some,
+        f"{what} in {_share(len(where), len(held), verb=False)}{named}.",
+        {"held": len(where), "of": len(held)},
+    )
+
+
+def _share(k: int, n: int, *, verb: bool = True) -> str:
+    """``3 of 5 are``, ``all 5 are``, ``none is``; without the verb ``3 of 5``."""
+    if not verb:
+        return f"all {n}" if k == n else f"{k} of {n}" if k else f"none of {n}"
+    return "none is" if not k else f"{k} {'is' if k == 1 else 'are'}"
+
+
+def _runs(pairs: Sequence[Pair]) -> str:
+    sizes = sorted({s.n for p in pairs for s in (p.first, p.second)})
+    return f"n = {sizes[0]}" if len(sizes) == 1 else f"n = {sizes[0]} to {sizes[-1]}"
+
+
+def _in(unit: str) -> str:
+    return f"; {unit}" if unit else ""
