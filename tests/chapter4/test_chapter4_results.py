@@ -1,4 +1,4 @@
-"""Chapter 4's results of the new form: tables, criteria that can fail, and what is known exactly."""
+"""Chapter 4's results of the new form: tables, criteria that can fail, what is known exactly."""
 
 import numpy as np
 import pandas as pd

@@ -17,10 +17,10 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
+from thesis_lib.chapter3.runs import Learner
 from thesis_lib.domains import triangle
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
-from thesis_lib.experiments.chapter3.common import Learner
 from thesis_lib.experiments.chapter4.protocol import Trial
 from thesis_lib.experiments.chapter4.worlds import world
 from thesis_lib.selection import FSTEK, FixedFeatures, NoSelection, Selector, rates, triangle_alpha
@@ -213,7 +213,8 @@ def some_reading_fits(table: pd.DataFrame) -> Finding:
     sampled = "all combinations" if best.max_seqs == 0 else f"{best.max_seqs} combinations a k"
     return Finding(
         verdict,
-        f"Of {len(found)} joint readings {found.rates.sum()} give the rates printed for five tasks, "
+        f"Of {len(found)} joint readings {found.rates.sum()} give the rates printed for five "
+        "tasks, "
         f"{found.gain.sum()} a significant gain there, {found.matches.sum()} match fixed features "
         f"within the range, and {len(every)} do all. Nearest: the {best.schedule}'s level with "
         f"{sampled} and the interval of the {best.interval}, {best.fpr:.2f}/{best.tpr:.2f}.",

@@ -16,10 +16,10 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.arrays import FloatArray
+from thesis_lib.chapter3.runs import Learner
 from thesis_lib.domains import Domain, continuing_cliff, stock, triangle
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
-from thesis_lib.experiments.chapter3.common import Learner
 from thesis_lib.experiments.chapter4.families import random_domain, torus
 from thesis_lib.experiments.chapter4.protocol import Trial
 from thesis_lib.experiments.chapter4.worlds import World, world
