@@ -1,12 +1,15 @@
 """The command `thesis`."""
 
+import ast
 import json
+import shutil
 import subprocess
 import sys
 
 import pandas as pd
 import pytest
 
+from tests.surroundings import ROOT, python, read_only
 from thesis_lib import cli
 from thesis_lib.edition.chapters import experiments
 
@@ -68,6 +71,7 @@ def test_workers_do_not_change_the_table(tmp_path):
         (["run", "tabel-3.1"], "did you mean table-3.1"),
         (["run", "table-3.1", "--budget", "quick"], "choose one of smoke, book, thesis"),
         (["run", "table-3.1", "--budget", "smoke", "--seed", "-1"], "at least 0"),
+        (["run", "table-3.1", "--budget", "smoke", "--seed", str(2**64)], "and below 2**64"),
         (["run", "table-3.1", "--budget", "smoke", "--workers", "0"], "at least 1 worker"),
         (["book", "--budget", "quick"], "choose one of smoke, book, thesis"),
     ],
@@ -115,3 +119,84 @@ def test_installed_command_helps():
     )
     assert done.returncode == 0
     assert {"list", "run", "claims", "book"} <= set(done.stdout.replace("•", " ").split())
+
+
+# ------------------------------------------------------------------------------ surroundings
+SLOW = {"pandas", "scipy", "numba", "torch", "mujoco", "matplotlib"}
+
+
+def test_help_and_a_second_list_import_nothing_slow(tmp_path):
+    """They answer in less than 0.8 seconds of work, of which imports are nearly all."""
+    kept = {"XDG_CACHE_HOME": str(tmp_path)}
+    assert python("-m", "thesis_lib.cli", "list", env=kept).returncode == 0
+    for arguments in (["--help"], ["run", "--help"], ["book", "--help"], ["list"]):
+        code = (
+            "import sys\nfrom thesis_lib import cli\n"
+            f"try: status = cli.main({arguments})\nexcept SystemExit as end: status = end.code\n"
+            f"assert not status and not {SLOW} & set(sys.modules), {SLOW} & set(sys.modules)"
+        )
+        done = python("-c", code, env=kept)
+        assert done.returncode == 0, done.stderr
+        assert done.stdout
+
+
+def test_the_list_is_of_the_code_as_it_is(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(cli, "cache_folders", lambda: iter([tmp_path]))
+    monkeypatch.setattr(cli, "__file__", str(tmp_path / "package" / "cli.py"))
+    (tmp_path / "package").mkdir()
+    for change in ("one", "two"):
+        (tmp_path / "package" / "cli.py").write_text(change)
+        monkeypatch.setattr(cli, "_listing", lambda change=change: f"list of {change}")
+        for _ in range(2):
+            assert cli.main(["list"]) == 0
+            assert capsys.readouterr().out == f"list of {change}\n"
+            monkeypatch.setattr(cli, "_listing", lambda: 1 / 0)
+    assert len(list(tmp_path.glob("list-*.txt"))) == 1
+
+
+def test_a_terminal_that_cannot_show_every_letter(tmp_path):
+    for encoding in ("ascii", "latin-1"):
+        surroundings = {"PYTHONIOENCODING": encoding, "PYTHONUTF8": "0", "LC_ALL": "C"}
+        command = ["-m", "thesis_lib.cli", "claims", "--results", str(tmp_path)]
+        done = python(*command, env=surroundings, encoding=encoding)
+        assert done.returncode == 0, done.stderr
+        assert done.stdout.splitlines()[-1].endswith(" claims")
+
+
+def test_every_file_is_read_and_written_as_utf_8():
+    """A locale of another encoding would read formulas as something else."""
+    for file in (ROOT / "thesis_lib").rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            name = getattr(node.func, "attr", "") if isinstance(node, ast.Call) else ""
+            if name in ("read_text", "write_text"):
+                given = {keyword.arg for keyword in node.keywords}
+                assert "encoding" in given, f"{file}: line {node.lineno}"
+
+
+@pytest.mark.parametrize("command", ["book", "list", "run"])
+def test_a_checkout_that_cannot_be_written_to(command, tmp_path):
+    copy = tmp_path / "copy"
+    ignored = shutil.ignore_patterns("__pycache__")
+    for name in ("thesis_lib", "notebooks", "book"):
+        shutil.copytree(ROOT / name, copy / name, ignore=ignored)
+    for name in ("pyproject.toml", "constraints.txt", "_config.yml", "_toc.yml"):
+        shutil.copy(ROOT / name, copy)
+    arguments = {
+        "book": ["book", "--budget", "smoke"],
+        "list": ["list"],
+        "run": ["run", "tasks-5.1", "--budget", "smoke"],
+    }[command]
+    (tmp_path / "tmp").mkdir()
+    nowhere = dict.fromkeys(("HOME", "XDG_CACHE_HOME", "MPLCONFIGDIR"), str(copy))
+    with read_only(copy) as bound:
+        env = {**nowhere, "TMPDIR": str(tmp_path / "tmp"), "PYTHONDONTWRITEBYTECODE": "1"}
+        done = python("-m", "thesis_lib.cli", *arguments, root=copy, env=env, **bound)
+    if command == "list":
+        assert done.returncode == 0, done.stderr
+        assert "table-3.1" in done.stdout
+    else:
+        assert done.returncode in (1, 2)
+        said = done.stderr.splitlines()[-1]  # after matplotlib's own on its settings
+        assert said.startswith("thesis: ")
+        assert str(copy) in said
+        assert "Traceback" not in done.stderr

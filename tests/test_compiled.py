@@ -47,7 +47,7 @@ def test_so_it_is_with_a_cache_that_the_user_chose(
     assert result(copy, **chosen) == "1"
     change(copy, 2)
     assert result(copy, **chosen) == "2"
-    assert list((tmp_path / "mine" / "thesis_lib").glob("*/*/*.nbc"))
+    assert list((tmp_path / "mine" / "thesis_lib").rglob("*.nbc"))
     assert not (copy / "_build").exists()
 
 

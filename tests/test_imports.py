@@ -32,7 +32,7 @@ LAYERS = (
     {"training"},
     {"edition"},
     {"chapter3", "experiments", "chapter4"},
-    {"claims", "book", "cli"},
+    {"claims", "book", "cli", "cli_parts", "cli_training"},
 )
 LEVEL = {unit: level for level, units in enumerate(LAYERS) for unit in units}
 EXPERIMENTS = LEVEL["training"]

@@ -6,6 +6,7 @@ import os
 import platform
 import subprocess
 import sys
+from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,23 @@ _HOME = Path(__file__).resolve().parents[1]
 def repository_root() -> Path:
     """The checkout this library runs from, or the working directory when it is installed."""
     return _HOME if (_HOME / "pyproject.toml").exists() else Path.cwd()
+
+
+def cache_folders(chosen: str = "") -> Iterator[Path]:
+    """Folders for what can be made again, the best first; not each can be written to.
+
+    Parameters
+    ----------
+    chosen
+        A folder that a user has set for this.
+    """
+    if chosen:
+        yield Path(chosen, PACKAGE)
+    if (_HOME / "pyproject.toml").exists():
+        yield _HOME / "_build"
+    home = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))
+    if home.is_absolute():  # a user of a container may have no home
+        yield home / PACKAGE
 
 
 def commit() -> str:

@@ -19,6 +19,10 @@ _KINDS: Mapping[type, tuple[Any, str]] = {
 }
 
 
+class ForeseenError(RuntimeError):
+    """Work that cannot go on, for a reason that its message says in full."""
+
+
 def check_seed(seed: int) -> int:
     """Return the seed if it is an integer from 0 to below 2**64, as torch's; else ValueError."""
     whole = isinstance(seed, Integral) and not isinstance(seed, bool)

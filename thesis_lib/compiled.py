@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import atexit
 import hashlib
-import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,6 +15,7 @@ import numba
 import numpy as np
 
 from thesis_lib import IMPORTED
+from thesis_lib.checkout import cache_folders
 from thesis_lib.imports import PACKAGE, closure, data_files
 
 _CONFIG: Any = numba.config  # its attributes are not declared
@@ -70,30 +70,19 @@ def cache_folder(file: Path) -> Path:
         for source in sources:
             data = source.read_bytes()
             hashed.update(f"{source.name} {len(data)}\0".encode() + data)
-        for base in _bases():
-            folder = base / f"{file.stem}-{hashed.hexdigest()[:16]}"
-            if _writable(folder, base):
+        for base in cache_folders(_CONFIG.CACHE_DIR):
+            folder = base / "numba" / f"{file.stem}-{hashed.hexdigest()[:16]}"
+            if _writable(folder):
                 return folder
     return _private()
 
 
-def _bases() -> Iterator[Path]:
-    """Folders that may hold compiled loops, the best first."""
-    if _CONFIG.CACHE_DIR:
-        yield Path(_CONFIG.CACHE_DIR, PACKAGE)
-    if (_ROOT / "pyproject.toml").exists():
-        yield _ROOT / "_build" / "numba"
-    home = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))
-    if home.is_absolute():  # a user of a container may have no home
-        yield home / PACKAGE
-
-
-def _writable(folder: Path, base: Path) -> bool:
+def _writable(folder: Path) -> bool:
     """Make a folder if it is missing, and remove those of old states; False if that fails."""
     try:
         if not folder.exists():
             folder.mkdir(parents=True, exist_ok=True)
-            for old in base.glob(f"{folder.name.rpartition('-')[0]}-*"):
+            for old in folder.parent.glob(f"{folder.name.rpartition('-')[0]}-*"):
                 if old.stat().st_mtime < IMPORTED - _MONTH:
                     shutil.rmtree(old, ignore_errors=True)
         with tempfile.TemporaryFile(dir=folder):

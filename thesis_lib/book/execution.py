@@ -340,7 +340,9 @@ def _prepare(paths: Paths) -> None:
     for folder in (profile, kernel):
         folder.mkdir(parents=True, exist_ok=True)
     # Kernels warn on every start that they listen on an unencrypted local port.
-    (profile / "ipython_kernel_config.py").write_text("c.IPKernelApp.log_level = 40\n")
+    (profile / "ipython_kernel_config.py").write_text(
+        "c.IPKernelApp.log_level = 40\n", encoding="utf-8"
+    )
     command = [sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}"]
     described = {"argv": command, "display_name": "Python 3", "language": "python"}
     (kernel / "kernel.json").write_text(json.dumps(described), encoding="utf-8")

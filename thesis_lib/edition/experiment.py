@@ -28,12 +28,9 @@ from tqdm import tqdm
 
 from thesis_lib.checkout import environment, repository_root
 from thesis_lib.checks import check_seed
+from thesis_lib.edition.budgets import BUDGETS, check_budget
 from thesis_lib.files import replacing, writable_directory
 from thesis_lib.stats import mean_ci
-
-BUDGETS = ("smoke", "book", "thesis")
-"""smoke: seconds, every code path, values without meaning.  book: what the shipped book
-shows.  thesis: as printed."""
 
 ROWS_IN_CSV = 20_000
 """A table with more rows is written as parquet."""
@@ -41,19 +38,6 @@ ROWS_IN_CSV = 20_000
 ConfigT = TypeVar("ConfigT")
 ItemT = TypeVar("ItemT")
 ResultT = TypeVar("ResultT")
-
-
-def check_budget(budget: str) -> str:
-    """Return the budget if it exists.
-
-    Raises
-    ------
-    ValueError
-        Naming the budgets there are.
-    """
-    if budget not in BUDGETS:
-        raise ValueError(f"budget {budget!r} does not exist: choose one of {', '.join(BUDGETS)}.")
-    return budget
 
 
 @dataclass(frozen=True)

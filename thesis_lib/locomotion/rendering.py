@@ -22,6 +22,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from thesis_lib.checks import ForeseenError
 from thesis_lib.locomotion.robots import FLOOR, HILLS, ROOT_BODY, Ground, build_model, get_robot
 
 Image = NDArray[np.uint8]
@@ -29,7 +30,7 @@ Image = NDArray[np.uint8]
 _BACKENDS = ("egl", "osmesa", "glfw", "cgl")
 
 
-class NoGL(RuntimeError):  # noqa: N818 - it names a state of the machine, as mujoco's errors do
+class NoGL(ForeseenError):  # noqa: N818 - it names a state of the machine, as mujoco's errors do
     """OpenGL cannot be had here; the message says what to install or set."""
 
 

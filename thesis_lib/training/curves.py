@@ -75,7 +75,7 @@ def _record(config: TrainConfig, runs: Path | str) -> dict[str, Any] | None:
     file = Path(runs) / run_name(config) / "run.json"
     if not file.exists():
         return None
-    record: dict[str, Any] = json.loads(file.read_text())
+    record: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
     return None if differences(record, config) else record
 
 
@@ -285,7 +285,7 @@ def write(
             with replacing(folder / name) as temporary:
                 compared(curves, column).to_csv(temporary, index=False, float_format="%.6g")
     with replacing(folder / "curves.json") as temporary:
-        temporary.write_text(json.dumps(record, indent=1) + "\n")
+        temporary.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
     return curves
 
 

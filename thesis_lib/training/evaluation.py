@@ -394,5 +394,5 @@ def write(
     with replacing(folder / "evaluation.csv") as temporary:
         table.to_csv(temporary, index=False)
     with replacing(folder / "evaluation.json") as temporary:
-        temporary.write_text(json.dumps(record, indent=1, default=float) + "\n")
+        temporary.write_text(json.dumps(record, indent=1, default=float) + "\n", encoding="utf-8")
     return folder / "evaluation.csv"

@@ -20,6 +20,7 @@ import pandas as pd
 import torch
 
 from thesis_lib.checkout import environment
+from thesis_lib.checks import ForeseenError
 from thesis_lib.files import replacing, writable_directory
 from thesis_lib.optimisation import PPO, Learner, Rollouts, UpdateReport, collect
 from thesis_lib.training.checkpoint import (
@@ -61,7 +62,7 @@ TIMING_COLUMNS = ("sampling_seconds", "update_seconds", "wall_seconds")
 """Columns that differ between two runs of the same config."""
 
 
-class TrainingStopped(RuntimeError):  # noqa: N818 - it names what happened to the run
+class TrainingStopped(ForeseenError):  # noqa: N818 - it names what happened to the run
     """A number that is not finite, or a full disk, ended a run; the message says when and why."""
 
 
@@ -231,7 +232,7 @@ class Training:
                 "code": code_digest(),
                 **environment(),
             }
-            temporary.write_text(json.dumps(record, indent=1) + "\n")
+            temporary.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
         return path
 
     @classmethod

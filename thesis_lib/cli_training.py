@@ -1,0 +1,231 @@
+"""The commands ``thesis train``, ``evaluate`` and ``sweep``, imported when one is given."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import pandas as pd
+import tyro
+
+from thesis_lib.checkout import repository_root
+from thesis_lib.cli_parts import checked, status, text, unchecked
+from thesis_lib.files import writable_directory
+from thesis_lib.locomotion.rendering import check_gl
+from thesis_lib.training import curves
+from thesis_lib.training.checkpoint import read_checkpoint
+from thesis_lib.training.config import TrainConfig, idle_settings, task_name
+from thesis_lib.training.evaluation import Disturbances, EvaluateConfig, evaluate, summarised, write
+from thesis_lib.training.evaluation import idle_settings as idle_in_test
+from thesis_lib.training.film import check_film, film
+from thesis_lib.training.grid import GRID, GRID_COLUMNS, Grid, key, run_name
+from thesis_lib.training.run import Training
+from thesis_lib.training.sweep import Outcome, sweep
+from thesis_lib.training.train import TerminalReport, default_directory, train, use_one_thread
+from thesis_lib.training.trained import TrainedPolicies
+
+
+def _refuse(idle: Mapping[str, str]) -> None:
+    """Raise ValueError for settings that have no effect, with what they would need."""
+    for setting, owners in idle.items():
+        raise ValueError(
+            f"--{setting.replace('_', '-')} has no effect here, only with "
+            f"{owners.replace('_', '-')}: leave it out."
+        )
+
+
+@dataclass(frozen=True)
+class Train:
+    """``thesis train``."""
+
+    settings: Annotated[TrainConfig, tyro.conf.arg(name="", constructor=unchecked(TrainConfig))]
+    """Of the run."""
+    out: Path | None = None
+    """Where checkpoint.pt, curve.csv and run.json go; default a directory in _build/runs named
+    after task, terrain, net and seed."""
+    resume: bool = True
+    """Go on with what is in the directory; otherwise a run that is there is an error."""
+    any_version: bool = False
+    """Go on even where other code or other versions of the libraries made it."""
+
+    def __call__(self) -> int:
+        """Train it."""
+        config = checked(TrainConfig, self.settings)
+        _refuse(idle_settings(config))
+        folder = writable_directory(self.out or default_directory(config))
+        use_one_thread()
+        report = TerminalReport(config.iterations)
+        started = time.perf_counter()
+        try:
+            run = train(
+                config,
+                folder,
+                resume=self.resume,
+                any_version=self.any_version,
+                report=report,
+            )
+        except KeyboardInterrupt as stop:
+            good = read_checkpoint(folder)["iteration"]
+            print(
+                f"\nthesis: interrupted; the last checkpoint, of iteration {good}, is in {folder}: "
+                "give the same command again to go on from it.",
+                file=sys.stderr,
+            )
+            return status(stop)
+        curve = run.curve
+        minutes, seconds = divmod(round(time.perf_counter() - started), 60)
+        print(
+            f"{config.architecture} on {config.task} ({config.terrain}), seed {config.seed}: "
+            f"{run.iteration} iterations, {curve.steps.iloc[-1]:,} steps; mean return "
+            f"{curve.mean_return.iloc[0]:.1f} in the first iteration, "
+            f"{curve.mean_return.iloc[-1]:.1f} in the last, {curve.mean_return.max():.1f} in the "
+            f"best; this command took {minutes} min {seconds:02d} s."
+        )
+        print(f"Learning curve {folder / 'curve.csv'}, checkpoint {folder / 'checkpoint.pt'}.")
+        return 0
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """``thesis evaluate``."""
+
+    checkpoint: tyro.conf.Positional[Path]
+    """A checkpoint of ``thesis train``, the directory it is in, or ``policies.pt`` of a sweep."""
+    settings: Annotated[
+        EvaluateConfig, tyro.conf.arg(name="", constructor=unchecked(EvaluateConfig))
+    ]
+    """Of the test."""
+    disturbances: tyro.conf.OmitArgPrefixes[Disturbances]
+    """Perturbations in short."""
+    run: str | None = None
+    """Which run of a sweep's ``policies.pt``, such as hopper-flat-gru-0-float32."""
+    task: str | None = None
+    """Refuse a checkpoint of another task."""
+    architecture: str | None = None
+    """Refuse a checkpoint of another net."""
+    out: Path | None = None
+    """Where evaluation.csv and evaluation.json go; default nowhere."""
+    film: Path | None = None
+    """Draw a run into this animated picture: .webp, .gif or .png."""
+    film_run: int = 0
+    """Which run to draw."""
+
+    def __call__(self, command: str = "thesis evaluate") -> int:
+        """Test it; ``command`` goes into the record."""
+        config = checked(EvaluateConfig, self.settings)
+        _refuse(idle_in_test(config, self.disturbances))
+        if self.film is None and self.film_run != 0:
+            _refuse({"film_run": "film"})
+        config = config.disturbed(self.disturbances)
+        if self.run is None:
+            trained = Training.load(self.checkpoint)
+        else:
+            trained = TrainedPolicies(self.checkpoint).load(self.run)
+        self._check(trained.config)
+        if self.out is not None:
+            writable_directory(self.out)
+        if self.film is not None:
+            check_film(self.film, config, self.film_run)
+            check_gl()
+        use_one_thread()
+        table = evaluate(trained, config)
+        print(
+            f"{trained.config.architecture} on {trained.config.task}, trained on "
+            f"{trained.config.terrain} ground for {trained.iteration} iterations"
+        )
+        for perturbation in config.perturbations:
+            print(f"  {perturbation}")
+        print(text(table))
+        print(text(summarised(table)))
+        if self.out is not None:
+            path = write(table, trained, config, self.out, command=command)
+            print(f"Written to {path}.")
+        if self.film is not None:
+            print(f"Film {film(trained, self.film, config, run=self.film_run)}.")
+        return 0
+
+    def _check(self, trained: TrainConfig) -> None:
+        """Raise ValueError when the checkpoint is not of the task or net asked for."""
+        task = None if self.task is None else task_name(self.task)
+        for name, asked in (("task", task), ("architecture", self.architecture)):
+            have = getattr(trained, name)
+            if asked is not None and asked != have:
+                raise ValueError(
+                    f"the checkpoint {str(self.checkpoint)!r} was trained with {name} {have!r}, "
+                    f"not {asked!r}: choose another checkpoint, or leave --{name} out."
+                )
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """``thesis sweep``."""
+
+    grid: Annotated[Grid, tyro.conf.arg(name="", constructor=unchecked(Grid))]
+    """Every combination of these."""
+    settings: Annotated[
+        TrainConfig,
+        tyro.conf.arg(name="", constructor=unchecked(TrainConfig, GRID)),
+    ]
+    """Of all runs."""
+    workers: int = 1
+    """Processes, each on one thread; no result depends on their number."""
+    out: Path | None = None
+    """Where curves.csv, curves.json and policies.pt go; default _build/results/sweep."""
+    runs_in: Path | None = None
+    """Where the runs' own directories are; default _build/runs/ and the last part of --out."""
+    any_version: bool = False
+    """Go on with runs even where other code or other versions of the libraries made them."""
+
+    def __call__(self, command: str = "thesis sweep") -> int:
+        """Train what is missing; ``command`` goes into the record."""
+        configs = checked(Grid, self.grid).runs(checked(TrainConfig, self.settings))
+        idle = [idle_settings(c) for c in configs]
+        _refuse({name: by for name, by in idle[0].items() if all(name in i for i in idle)})
+        out = writable_directory(self.out or repository_root() / "_build" / "results" / "sweep")
+        runs = self.runs_in or repository_root() / "_build" / "runs" / out.name
+        errors: dict[str, str] = {}
+
+        def report(outcome: Outcome, ended: int) -> None:
+            name = run_name(outcome.config)
+            if outcome.error is None:
+                row = curves.summary(curves.merged([outcome.config], runs)).iloc[0]
+                news = (
+                    f"return {row.first_return:.1f} -> {row.last_return:.1f}, "
+                    f"{row.wall_seconds:.0f} s"
+                )
+            else:
+                errors[name] = outcome.error
+                news = f"FAILED: {outcome.error}"
+            print(f"[{ended}/{len(configs)}] {name}: {news}", flush=True)
+            curves.write(configs, runs, out, command=command, errors=errors)
+
+        try:
+            sweep(
+                configs,
+                runs,
+                workers=self.workers,
+                any_version=self.any_version,
+                report=report,
+            )
+        except KeyboardInterrupt as stop:
+            print(
+                f"\nthesis: interrupted; the runs are kept in {runs}: give the same command again "
+                "to go on from their last checkpoints.",
+                file=sys.stderr,
+            )
+            return status(stop)
+        table = curves.summary(curves.merged(configs, runs))
+        same = [c for c in GRID_COLUMNS if c != "task" and table[c].nunique() == 1]
+        print(text(table.drop(columns=same), most=len(table)))
+        for column, name in curves.COMPARISONS.items():
+            if len({key(c)[column] for c in configs}) > 1:
+                print(text(pd.read_csv(out / name)))
+        print(f"{len(configs) - len(errors)} of {len(configs)} runs, written to {out}")
+        return 1 if errors else 0
+
+
+COMMANDS = {"train": Train, "evaluate": Evaluate, "sweep": Sweep}
