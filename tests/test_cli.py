@@ -157,7 +157,7 @@ def test_the_list_is_of_the_code_as_it_is(tmp_path, monkeypatch, capsys):
 def test_a_terminal_that_cannot_show_every_letter(tmp_path):
     for encoding in ("ascii", "latin-1"):
         surroundings = {"PYTHONIOENCODING": encoding, "PYTHONUTF8": "0", "LC_ALL": "C"}
-        command = ["-m", "thesis_lib.cli", "claims", "--results", str(tmp_path)]
+        command = ["-m", "thesis_lib.cli", "claims", "3", "--results", str(tmp_path)]
         done = python(*command, env=surroundings, encoding=encoding)
         assert done.returncode == 0, done.stderr
         assert done.stdout.splitlines()[-1].endswith(" claims")
