@@ -154,13 +154,17 @@ def test_the_list_is_of_the_code_as_it_is(tmp_path, monkeypatch, capsys):
     assert len(list(tmp_path.glob("list-*.txt"))) == 1
 
 
-def test_a_terminal_that_cannot_show_every_letter(tmp_path):
-    for encoding in ("ascii", "latin-1"):
-        surroundings = {"PYTHONIOENCODING": encoding, "PYTHONUTF8": "0", "LC_ALL": "C"}
-        command = ["-m", "thesis_lib.cli", "claims", "3", "--results", str(tmp_path)]
-        done = python(*command, env=surroundings, encoding=encoding)
+def test_a_terminal_that_cannot_show_every_letter():
+    code = (
+        "from thesis_lib import cli\ncli.cache_folders = lambda: iter(())\n"
+        "cli._listing = lambda: 'k-relevance \\u03c1, caf\\u00e9, end'\n"
+        "raise SystemExit(cli.main(['list']))"
+    )
+    for encoding, shown in {"ascii": "?, caf?", "latin-1": "?, caf\u00e9"}.items():
+        surroundings = {"PYTHONIOENCODING": encoding, "PYTHONUTF8": "0"}
+        done = python("-c", code, env=surroundings, encoding=encoding)
         assert done.returncode == 0, done.stderr
-        assert done.stdout.splitlines()[-1].endswith(" claims")
+        assert done.stdout == f"k-relevance {shown}, end\n"
 
 
 def test_every_file_is_read_and_written_as_utf_8():
