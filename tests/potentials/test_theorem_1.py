@@ -67,7 +67,7 @@ def test_minimisers_run_from_one_task_to_the_midrange(bandits):
         found = theorem_1.truncated_minimiser(bandits, tables, tolerance)
         delta = theorem_1.distances(bandits, tables, found)
         value = theorem_1.truncated_objective(bandits.distribution, delta, tolerance)
-        assert value == pytest.approx(np.log(least) / 2)
+        assert value == pytest.approx(np.log(least) / 2, abs=1e-5)
     middle = theorem_1.distances(bandits, tables, theorem_1.midrange(bandits, tables))
     assert middle.max() == 2.5
 
@@ -94,7 +94,7 @@ def test_truncated_minimiser_beats_a_search(bandits):
     for x in np.linspace(1, 4, 31):
         for y in np.linspace(0, 7, 71):
             delta = theorem_1.distances(bandits, tables, [[x, y]])
-            assert theorem_1.truncated_objective(bandits.distribution, delta, 0.3) > lowest - 1e-9
+            assert theorem_1.truncated_objective(bandits.distribution, delta, 0.3) > lowest - 1e-5
 
 
 def test_midrange_and_mean_distance_by_hand(bandits):
@@ -129,20 +129,20 @@ def test_bound_on_every_domain(name):
             assert theorem_1.measured_sweeps(task, table, start, 1e-3) <= most
 
 
-@pytest.mark.parametrize("name", ["episodic cliff", "triangle"])
-def test_minimiser_is_no_worse_than_what_it_starts_from(name):
-    domain = DOMAINS[name]
+@pytest.mark.parametrize("tolerance", [0.1, 0.001])
+def test_minimiser_is_no_worse_than_what_it_starts_from(tolerance):
+    domain = DOMAINS["triangle"]
     tables = potentials.optimal_solutions(domain)
-    scale = max(np.abs(t).max() for t in tables)
+    mean = potentials.cross_task_values(domain, tables)
 
     def objective(q0):
         delta = theorem_1.distances(domain, tables, q0)
-        return theorem_1.log_geometric_mean(domain.distribution, delta + 0.1 * scale)
+        return theorem_1.truncated_objective(domain.distribution, delta, tolerance)
 
-    mean = potentials.cross_task_values(domain, tables)
-    found = theorem_1.geometric_mean_minimiser(domain, tables, 0.1 * scale, starts=(mean,))
-    assert objective(found) <= objective(mean) + 1e-9
-    assert objective(found) <= objective(theorem_1.midrange(domain, tables)) + 1e-9
+    found = objective(theorem_1.truncated_minimiser(domain, tables, tolerance, starts=(mean,)))
+    alone = [theorem_1.single_task(domain, tables, m, mean) for m in range(len(domain))]
+    for other in (mean, theorem_1.midrange(domain, tables), *alone):
+        assert found <= objective(other) + 1e-5
 
 
 def test_midrange_minimises_the_largest_distance():
@@ -157,8 +157,8 @@ def test_midrange_minimises_the_largest_distance():
 
 def test_bad_input(bandits):
     tables = potentials.optimal_solutions(bandits)
-    with pytest.raises(ValueError, match="smoothing is 0"):
-        theorem_1.geometric_mean_minimiser(bandits, tables, 0.0)
+    with pytest.raises(ValueError, match="tolerance is 0"):
+        theorem_1.truncated_minimiser(bandits, tables, 0.0)
     with pytest.raises(ValueError, match="strictly between 0 and 1"):
         theorem_1.sufficient_sweeps([1.0], 0.1, 1.0)
     with pytest.raises(ValueError, match="tolerance is 0"):

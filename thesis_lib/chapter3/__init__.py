@@ -9,6 +9,7 @@ RESULTS = (
     "theorem_1",
     "levels",
     "mu_star",
+    "covering_tour",
     "weights",
     "table_3_1",
     "readings",
@@ -22,6 +23,7 @@ RESULTS = (
     "figure_3_3",
     "figure_3_4",
     "best_kind",
+    "level_or_order",
     "scaling",
     "two_values",
 )

@@ -196,62 +196,6 @@ def mean_distance_minimiser(
     return np.asarray(solution.x[:n_pairs]).reshape(domain.shape)
 
 
-def geometric_mean_minimiser(
-    domain: Domain,
-    tables: Sequence[ArrayLike],
-    smoothing: float,
-    *,
-    iterations: int = 50,
-    starts: Sequence[ArrayLike] = (),
-) -> FloatArray:
-    r"""Local minimiser of the smoothed objective :math:`\sum_m D(m)\log(\delta_m + \tau)`.
-
-    The logarithm is concave, so it lies below its tangent: each step minimises the tangent,
-    a linear programme with weights :math:`D(m) / (\delta_m + \tau)`, and the objective never
-    rises.
-
-    Parameters
-    ----------
-    domain
-        The domain.
-    tables
-        :math:`Q^*_m`, each ``(S_m, A)``.
-    smoothing
-        :math:`\tau > 0`, in the units of value.  With a small one, the minimiser is (close
-        to) a single task's :math:`Q^*_m`.
-    iterations
-        Most programmes a start.
-    starts
-        Initialisations ``(O, A)`` to descend from, besides the minimiser of the mean
-        distance; the best end is returned.
-
-    Returns
-    -------
-    FloatArray
-        Shape ``(O, A)``.
-    """
-    if not smoothing > 0:
-        raise ValueError(
-            f"smoothing is {smoothing}, but it must be positive: at 0 the objective of theorem 1 "
-            "is minus infinity at every single task's Q*."
-        )
-    best, lowest = None, np.inf
-    for start in (mean_distance_minimiser(domain, tables), *starts):
-        q0 = np.asarray(start, dtype=float)
-        value = _smoothed(domain, tables, q0, smoothing)
-        for _ in range(iterations):
-            weights = domain.distribution / (distances(domain, tables, q0) + smoothing)
-            candidate = mean_distance_minimiser(domain, tables, weights / weights.sum())
-            improved = _smoothed(domain, tables, candidate, smoothing)
-            if improved > value - 1e-9:
-                break
-            q0, value = candidate, improved
-        if value < lowest:
-            best, lowest = q0, value
-    assert best is not None
-    return best
-
-
 def truncated_minimiser(
     domain: Domain,
     tables: Sequence[ArrayLike],
@@ -282,11 +226,14 @@ def truncated_minimiser(
     Returns
     -------
     FloatArray
-        Shape ``(O, A)``.
+        Shape ``(O, A)``; distances meant to be epsilon are a millionth of max|Q*| below it.
     """
     _check(tolerance, domain.discount)
     mean = mean_distance_minimiser(domain, tables)
     alone = [single_task(domain, tables, m, mean) for m in range(len(domain))]
+    # The programmes are solved to about 1e-7, and a distance a hair above epsilon costs a sweep.
+    scale = float(np.nanmax(np.abs(domain.gather(tables))))
+    floor = tolerance - min(tolerance / 2, 1e-6 * scale)
     best, lowest = None, np.inf
     for start in (mean, midrange(domain, tables), *alone, *starts):
         q0, value = np.asarray(start, dtype=float), np.inf
@@ -298,15 +245,9 @@ def truncated_minimiser(
             if reached > value - 1e-9:
                 break
             weights, value = domain.distribution / delta, reached
-            q0 = mean_distance_minimiser(domain, tables, weights / weights.sum(), tolerance)
+            q0 = mean_distance_minimiser(domain, tables, weights / weights.sum(), floor)
     assert best is not None
     return best
-
-
-def _smoothed(
-    domain: Domain, tables: Sequence[ArrayLike], q0: FloatArray, smoothing: float
-) -> float:
-    return log_geometric_mean(domain.distribution, distances(domain, tables, q0) + smoothing)
 
 
 def single_task(

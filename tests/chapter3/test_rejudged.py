@@ -1,0 +1,107 @@
+"""Theorem 1 corrected, level against order, covering tours: what is known, and what must fail."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thesis_lib.chapter3 import covering_tour, level_or_order, theorem_1
+from thesis_lib.edition.ledger import Verdict
+from thesis_lib.mdp import solve
+
+
+@pytest.mark.parametrize("size", [2, 4, 6])
+def test_a_tour_meets_every_cell_once_and_attains_the_bound(size: int) -> None:
+    action = covering_tour.tour(size).reshape(size, size)
+    x = y = 0
+    seen = []
+    for _ in range(size * size):
+        seen.append((x, y))
+        i, j = covering_tour.MOVES[action[x, y]]
+        x, y = x + i, y + j
+    assert (x, y) == (0, 0)
+    assert len(set(seen)) == size * size
+    domain = covering_tour.empty_room(size, 0.95)
+    value = covering_tour.mean_value(domain, np.eye(4)[covering_tour.tour(size)])
+    assert value == pytest.approx(-covering_tour.least_cost(size, 0.95))
+
+
+def test_the_room_of_two_cells_a_side_by_hand() -> None:
+    """Goals 1, 2, 3 steps ahead cost 1, 1.5, 1.75 at gamma = 1/2; knowing the goal, 1, 1, 1.5."""
+    assert covering_tour.least_cost(2, 0.5) == pytest.approx((1 + 1.5 + 1.75) / 3)
+    domain = covering_tour.empty_room(2, 0.5)
+    known = [task.start @ solve(task).q.max(axis=1) for task in domain.tasks]
+    assert np.mean(known) == pytest.approx(-(1 + 1 + 1.5) / 3)
+
+
+def test_an_odd_room_has_no_tour() -> None:
+    with pytest.raises(ValueError, match="size is 3"):
+        covering_tour.tour(3)
+
+
+def room(value: float, earned: float, policy: str) -> dict[str, object]:
+    return {
+        **{"size": 4, "policy": policy, "value": value, "bound": -6.4},
+        **{"mean_return": earned, "sd": 1.0, "n_runs": 50},
+    }
+
+
+def test_claims_on_rooms_can_fail() -> None:
+    others = [room(np.nan, 0.0, name) for name in ("Q_star", "constant", "none")]
+    table = pd.DataFrame([room(-12.0, 0, "uniform"), room(-6.4, 5, "tour"), *others])
+    assert covering_tour.uniform_is_best(table).verdict is Verdict.REFUTED
+    assert covering_tour.tour_shapes_best(table).verdict is Verdict.REPRODUCED
+    table.loc[1, ["value", "mean_return"]] = [-13.0, -5.0]
+    assert covering_tour.uniform_is_best(table).verdict is Verdict.REPRODUCED
+    assert covering_tour.tour_shapes_best(table).verdict is Verdict.REFUTED
+    table.loc[1, "mean_return"] = 0.0
+    assert covering_tour.tour_shapes_best(table).verdict is Verdict.DIRECTION
+
+
+def moved(own: float, common: float) -> pd.DataFrame:
+    """Q^mu ahead of Q* by ``own`` at their own levels and by ``common`` at two others."""
+    rows = []
+    for level, lead in (("own", own), ("0", common), ("1", common)):
+        for potential, mean in (("Q_star", 10.0), ("Q_mu", 10.0 + lead), ("constant", 8.0)):
+            rows.append((potential, level, mean))
+    rows.append(("none", "own", 1.0))
+    table = pd.DataFrame(rows, columns=["potential", "level", "mean_return"])
+    return table.assign(domain="stock E = 3", algorithm="q_learning", sd=1.0, n_runs=100)
+
+
+@pytest.mark.parametrize(
+    ("own", "common", "verdict"),
+    [
+        (1.0, -0.5, Verdict.REPRODUCED),
+        (1.0, 1.0, Verdict.REFUTED),
+        (0.0, 0.0, Verdict.INCONCLUSIVE),
+    ],
+)
+def test_the_reversal_is_level_only_if_it_goes(own: float, common: float, verdict: Verdict) -> None:
+    assert level_or_order.reversal_is_level(moved(own, common)).verdict is verdict
+
+
+def test_level_and_order_by_hand() -> None:
+    # The constant earns 7 over no shaping, the best potential 3 over the constant.
+    table = moved(1.0, -0.5)
+    found = level_or_order.parts(table).iloc[0]
+    assert (found.level, found.order, found.best) == (7.0, 3.0, "Q_mu")
+    assert level_or_order.order_earns_more(table).verdict is Verdict.NOT_REPRODUCED
+    flat = table.assign(mean_return=table.mean_return.where(table.potential != "constant", 2.0))
+    assert level_or_order.order_earns_more(flat).verdict is Verdict.REPRODUCED
+
+
+def test_theorem_1_is_judged_by_its_bound() -> None:
+    """One task's own values meet the printed objective and not the bound; the corrected does."""
+    table = theorem_1.sweeps.run("smoke").table
+    own = table.set_index("initialisation")
+    assert own.log_geometric_mean["single task"] == -np.inf
+    assert own.bound["geometric mean"] <= own.bound.min() + 1e-3
+    assert own.excess.max() <= 0
+    worse = table.assign(
+        bound=table.bound.where(table.initialisation != "geometric mean", table.bound + 9)
+    )
+    assert theorem_1.minimisers_have_the_least_bound(worse).verdict is Verdict.REFUTED
+    alike = table.assign(bound=5.0, largest_bound=5.0)
+    assert theorem_1.minimisers_have_the_least_bound(alike).verdict is Verdict.REPRODUCED
+    split = alike.assign(largest_bound=6.0)
+    assert theorem_1.minimisers_have_the_least_bound(split).verdict is Verdict.DIRECTION

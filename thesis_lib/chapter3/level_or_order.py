@@ -1,0 +1,209 @@
+r"""Level or order: what a potential does by how high it is, and what by which actions it prefers.
+
+Section 3.6 doubts that optimism explains which potential is best, and thinks that "each potential
+type recommends a different policy".  Adding a constant to a potential changes its level and
+nothing else, so every potential is moved to the same levels, and a constant potential, which has a
+level and no order, is swept beside them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import pandas as pd
+
+from thesis_lib.arrays import FloatArray
+from thesis_lib.chapter3.runs import (
+    SETTINGS,
+    Learner,
+    MuSearch,
+    Potential,
+    Setting,
+    named_potentials,
+    total_rewards,
+)
+from thesis_lib.domains import stock
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.ledger import Finding, Verdict, criterion
+from thesis_lib.stats import Summary, holm, mean_ci, welch
+
+DOMAINS = {
+    **SETTINGS,
+    "stock E = 3": Setting(
+        lambda: stock(1, 3, 2, discount=0.9), (Learner("q_learning", 0.2, 0.1, steps=300),)
+    ),
+}
+"""The domains of chapter 3, and stock with the E = 3 that section 3.4.4 prints."""
+
+OWN = "own"
+"""The level a potential has by itself."""
+
+
+@dataclass(frozen=True)
+class Config:
+    """Which potentials are moved to which levels."""
+
+    domains: tuple[str, ...] = tuple(DOMAINS)
+    """Names in :data:`DOMAINS`."""
+    names: tuple[Potential, ...] = ("Q_star", "Q_tilde", "Q_mu", "constant")
+    """Potentials."""
+    levels: tuple[float, ...] = (-0.25, 0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0)
+    """Mean of the moved potential: 0 is the least and 1 the largest value of Q*."""
+    repeats: int = 10
+    """Runs a task."""
+    mu: MuSearch = field(default_factory=lambda: MuSearch(restarts=3))
+    """The search for the cross-task policy."""
+
+
+@dataclass(frozen=True)
+class Moved:
+    """One learner with one potential moved to one level, on one domain."""
+
+    domain: str
+    """Which domain."""
+    algorithm: str
+    """The learner."""
+    potential: str
+    """Q_star, Q_tilde, Q_mu or constant; none is no shaping."""
+    level: str
+    """Where the potential's mean is between the least (0) and largest (1) value of Q*; or own."""
+    mean: float
+    """The mean itself, in units of value."""
+    mean_return: float
+    """Mean total reward of a run."""
+    ci95: float
+    """Half-width of its 95% t interval over runs."""
+    sd: float
+    """Standard deviation over runs."""
+    n_runs: int
+    """Runs, all tasks together."""
+
+
+@experiment(
+    "ch3-level-or-order",
+    item="Section 3.6, level or order",
+    smoke=Config(
+        domains=("triangle",), names=("Q_star", "constant"), levels=(0.0, 1.0), repeats=2,
+        mu=MuSearch(restarts=1),
+    ),
+    book=Config(),
+    thesis=Config(repeats=20),
+    seconds=90,
+)  # fmt: skip
+def moved(config: Config, context: Context) -> list[Moved]:
+    """Return of every potential moved to every level, beside a constant and no shaping."""
+    rows = []
+    for name in config.domains:
+        domain = DOMAINS[name].domain()
+        for learner in DOMAINS[name].learners:
+            phi = named_potentials(
+                domain,
+                ("none", *config.names),
+                epsilon=learner.epsilon,
+                mu=config.mu,
+                seed=context.seed,
+            )
+            star = named_potentials(
+                domain, ("Q_star",), epsilon=learner.epsilon, mu=config.mu, seed=context.seed
+            )["Q_star"]
+            low, high = float(star.min()), float(star.max())
+            keys: list[tuple[str, str, FloatArray]] = [("none", OWN, phi["none"])]
+            for potential in config.names:
+                values = phi[potential]
+                keys.append((potential, OWN, values))
+                for level in config.levels:
+                    shift = low + level * (high - low) - float(values.mean())
+                    keys.append((potential, f"{level:g}", values + shift))
+            cells = [(learner, values) for _, _, values in keys]
+            totals = total_rewards(context, domain, cells, config.repeats, name)
+            for (kind, level_name, values), total in zip(keys, totals, strict=True):
+                found = mean_ci(total)
+                rows.append(
+                    Moved(
+                        *(name, learner.method, kind, level_name, float(values.mean())),
+                        *(found.mean, found.half_width, float(total.std(ddof=1)), found.n),
+                    )
+                )
+    return rows
+
+
+def _of(row: pd.Series) -> Summary:
+    return Summary(float(row.mean_return), float(row.sd), int(row.n_runs))
+
+
+def parts(table: pd.DataFrame) -> pd.DataFrame:
+    """What the best level earns over no shaping, and what the best order adds.
+
+    Parameters
+    ----------
+    table
+        Of :data:`moved`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a domain and learner: ``level``, the best constant less no shaping; ``order``,
+        the best potential at its best level less the best constant; ``best``, which one.
+    """
+    rows = []
+    for (domain, algorithm), own in table.groupby(["domain", "algorithm"], sort=False):
+        none = own[own.potential == "none"].iloc[0]
+        flat = own[own.potential == "constant"]
+        shaped = own[~own.potential.isin(("none", "constant"))]
+        level, order = flat.loc[flat.mean_return.idxmax()], shaped.loc[shaped.mean_return.idxmax()]
+        rows.append(
+            {
+                "domain": domain,
+                "algorithm": algorithm,
+                "level": max(level.mean_return, none.mean_return) - none.mean_return,
+                "order": order.mean_return - max(level.mean_return, none.mean_return),
+                "best": order.potential,
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+@criterion("3.6-order-not-level", moved)
+def order_earns_more(table: pd.DataFrame) -> Finding:
+    """Whether the order of a potential earns more than its level, in every setting."""
+    found = parts(table)
+    more = found.order > found.level
+    told = "; ".join(
+        f"{r.domain}, {r.algorithm}: level {r.level:+.3g}, order {r.order:+.3g}"
+        for r in found.itertuples()
+    )
+    verdict = Verdict.REPRODUCED if more.all() else Verdict.DIRECTION
+    if more.mean() <= 0.5:
+        verdict = Verdict.NOT_REPRODUCED
+    return Finding(
+        verdict,
+        f"The best order adds more to the best level than that level earns over no shaping in "
+        f"{int(more.sum())} of {len(found)} settings ({told}).",
+        {"share": float(more.mean())},
+    )
+
+
+@criterion("3.4.4-reversal-is-level", moved)
+def reversal_is_level(table: pd.DataFrame) -> Finding:
+    """Whether Q^mu's lead over Q* at E = 3 is gone when both have the same level."""
+    own = table[(table.domain == "stock E = 3") & table.potential.isin(("Q_star", "Q_mu"))]
+    if own.empty:
+        return Finding(Verdict.INCONCLUSIVE, "E = 3 was not run.")
+    by = {key: _of(row) for key, row in own.set_index(["level", "potential"]).iterrows()}
+    levels = [level for level in dict.fromkeys(own.level) if level != OWN]
+    lead = welch(by[OWN, "Q_mu"], by[OWN, "Q_star"])
+    tests = [welch(by[level, "Q_mu"], by[level, "Q_star"]) for level in levels]
+    p = holm([t.p_value for t in tests])
+    ahead = [t for t, q in zip(tests, p, strict=True) if t.difference > 0 and q < 0.05]
+    behind = [t for t, q in zip(tests, p, strict=True) if t.difference < 0 and q < 0.05]
+    verdict = Verdict.REFUTED if ahead else Verdict.REPRODUCED
+    if lead.low <= 0:
+        verdict = Verdict.INCONCLUSIVE
+    return Finding(
+        verdict,
+        f"At their own levels Q^mu earns {lead.difference:+.1f} [{lead.low:.1f}, {lead.high:.1f}] "
+        f"beside Q*. Moved to {len(levels)} common levels it earns significantly more at "
+        f"{len(ahead)} and less at {len(behind)} (Welch, Holm); the differences run from "
+        f"{min(t.difference for t in tests):+.1f} to {max(t.difference for t in tests):+.1f}.",
+        {"own": lead.difference, "ahead": len(ahead), "behind": len(behind)},
+    )
