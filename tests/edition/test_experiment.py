@@ -181,3 +181,15 @@ def test_results_directory_follows_the_environment(monkeypatch, tmp_path):
     assert base.results_directory("book") == tmp_path
     monkeypatch.delenv("THESIS_RESULTS")
     assert base.results_directory("book").parts[-3:] == ("_build", "results", "book")
+
+
+def test_text_that_looks_missing_stays_text(tmp_path):
+    table = pd.DataFrame(
+        {"name": ["none", "None", "NA", "nan", None], "x": [0.1, 1e-300, 2, 3, np.nan]}
+    )
+    table.to_csv(tmp_path / "t.csv", index=False)
+    read = base.read_csv(tmp_path / "t.csv")
+    assert read.name.tolist()[:4] == ["none", "None", "NA", "nan"]
+    assert read.name.isna().tolist() == [False] * 4 + [True]
+    assert read.x.tolist()[:4] == [0.1, 1e-300, 2, 3]
+    assert np.isnan(read.x[4])

@@ -365,6 +365,11 @@ class Result:
         return path
 
 
+def read_csv(file: Path) -> pd.DataFrame:
+    """A table saved as csv: an empty field is missing, ``NA`` and ``None`` are text."""
+    return pd.read_csv(file, keep_default_na=False, na_values=[""])
+
+
 def load(identifier: str, directory: Path | str) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Read a saved table and its provenance.
 
@@ -388,7 +393,7 @@ def load(identifier: str, directory: Path | str) -> tuple[pd.DataFrame, dict[str
         )
     provenance = json.loads(record.read_text(encoding="utf-8"))
     path = record.with_name(provenance["table"])
-    table = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
+    table = pd.read_parquet(path) if path.suffix == ".parquet" else read_csv(path)
     return table, provenance
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import pandas as pd
 
 from thesis_lib.checkout import repository_root
+from thesis_lib.edition.experiment import read_csv
 
 
 @dataclass(frozen=True)
@@ -57,4 +58,4 @@ def saved(name: str, root: Path | str | None = None) -> Saved:
                 f"results/{Path(name).parent}; get it with `git checkout -- results`, or make it "
                 "with `thesis sweep`."
             )
-    return Saved(pd.read_csv(files[0]), json.loads(files[1].read_text(encoding="utf-8")))
+    return Saved(read_csv(files[0]), json.loads(files[1].read_text(encoding="utf-8")))
