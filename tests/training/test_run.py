@@ -164,7 +164,7 @@ def test_step_sizes_of_table_5_1(task: str, architecture: str, delta: float) -> 
 @pytest.mark.parametrize(
     ("task", "architecture", "seen"),
     [
-        ("hopper", "dtrnn", 11),
+        ("hopper", "dtrnn", 17),
         ("hopper", "dffwd", 20),
         ("swimmer", "lstm", 5),
         ("swimmer", "ffwd-400", 20),
@@ -266,7 +266,7 @@ REACHED: list[tuple[str, Any, dict, Callable[[Training], Any], Any]] = [
     ("damping", 0.2, NATURAL, lambda run: _rule(run, "damping"), 0.2),
     ("kl_direction", "new_old", {}, lambda run: _rule(run, "kl_direction"), "new_old"),
     ("features", "full", {}, lambda run: _net(run, "feature_size"), 20),
-    ("features", "code", {}, lambda run: _net(run, "feature_size"), 17),
+    ("features", "text", {}, lambda run: _net(run, "feature_size"), 11),
     ("features", "literal", {}, lambda run: _net(run, "feature_size"), 16),
     ("features", "code", {"task": "Swimmer"}, lambda run: _net(run, "feature_size"), 3),
     ("difficulty", 0.2, HILL, lambda run: round(run.task.model.hfield_size[0, 2], 1), 0.2),

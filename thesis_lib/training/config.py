@@ -19,9 +19,10 @@ TERRAINS = ("flat", "hill")
 ALGORITHMS = ("trpo", "vpg", "natural", "ppo")
 BASELINES = ("linear", "network")
 FEATURES = ("thesis", "text", "literal", "code", "full")
-SUBSET = "text"
-"""The reading of table 5.1's feature subset that ``features="thesis"`` stands for."""
-NARROWED = ("Swimmer", "Hopper")
+SUBSET: Mapping[str, str] = {"Swimmer": "text", "Hopper": "code"}
+"""The readings of table 5.1's feature subset that ``features="thesis"`` stands for.  On the hopper
+the text's learns next to nothing: only the author's, with velocities, reaches table 5.2."""
+NARROWED = tuple(SUBSET)
 """Robots on which table 5.1 gives recurrent nets a subset of the sensors."""
 PRECISIONS: Mapping[str, torch.dtype] = {"float32": torch.float32, "float64": torch.float64}
 

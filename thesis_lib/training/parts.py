@@ -76,7 +76,7 @@ def make_run_policy(config: TrainConfig, task: BatchTask) -> GaussianPolicy:
     features = None
     recurrent = config.architecture in ("dtrnn", "ctrnn", "gru", "lstm", "esn")
     if recurrent and config.features != "full" and config.task in NARROWED:
-        reading = SUBSET if config.features == "thesis" else config.features
+        reading = SUBSET[config.task] if config.features == "thesis" else config.features
         features = [int(i) for i in SUBSETS[reading][config.task]]
     return make_policy(
         config.architecture,
