@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from thesis_lib import chapter4
-from thesis_lib.chapter4 import contraction, joint_search, prediction, sampled_threshold
+from thesis_lib.chapter4 import contraction, joint_search, prediction, sampled_threshold, scatter
 from thesis_lib.edition.ledger import Verdict, read_chapter
 
 CHAPTER = read_chapter(chapter4)
@@ -119,3 +119,31 @@ def test_prediction_claims_can_fail() -> None:
     assert prediction.error_predicts_return(table).verdict is Verdict.REPRODUCED
     wrong = table.assign(mean_return=-table.mean_return)
     assert prediction.error_predicts_return(wrong).verdict is Verdict.NOT_REPRODUCED
+
+
+def test_effects_of_an_irrelevant_feature_have_mean_zero_and_repeat_as_often_as_they_must() -> None:
+    rng = np.random.default_rng(2)
+    for law, draw in scatter.LAWS.items():
+        values = draw(rng, 200_000)
+        assert abs(values.mean()) < 5 * values.std() / np.sqrt(len(values)), law
+    config = scatter.Config(laws=("one in eight", "sign"), tasks_seen=(4,), runs=300)
+    table = scatter.kept.run(config=config).table
+    own = table[table.shared & (table.selector == "jackknife")].set_index("law")
+    # All four the same cannot be told from relevance; at n = 4 no other draw passes t^2 = 10.1
+    # but, of one in eight, none: three and one have F of at most 1.
+    for law, chance in (("one in eight", (7 / 8) ** 4 + (1 / 8) ** 4), ("sign", 1 / 8)):
+        assert own.low[law] - 0.02 <= chance <= own.high[law] + 0.02
+
+
+def test_the_level_claim_can_fail() -> None:
+    rows = [
+        {"law": law, "shared": True, "tasks_seen": n, "selector": "jackknife", "kept": 0.04,
+         "low": 0.02, "high": 0.06}
+        for law in ("gaussian", "sign") for n in (6, 8, 12)
+    ]  # fmt: skip
+    table = pd.DataFrame(rows)
+    assert scatter.level_is_held(table).verdict is Verdict.REPRODUCED
+    one = table.assign(low=np.where((table.law == "sign") & (table.tasks_seen == 6), 0.1, 0.02))
+    assert scatter.level_is_held(one).verdict is Verdict.DIRECTION
+    null = table.assign(low=np.where(table.law == "gaussian", 0.1, 0.02))
+    assert scatter.level_is_held(null).verdict is Verdict.REFUTED

@@ -4,5 +4,5 @@ Each file holds a result's config with its budgets, the experiment and the crite
 that its table decides; the claims' words stand in ``claims.toml``.
 """
 
-RESULTS = ("contraction", "sampled_threshold", "joint_search", "prediction")
+RESULTS = ("contraction", "sampled_threshold", "joint_search", "prediction", "scatter")
 """The chapter's results, in its order."""
