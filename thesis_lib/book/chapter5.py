@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import ArrayLike
 
-from thesis_lib import published
+from thesis_lib import published, robustness
 from thesis_lib.edition.plots import COLOURS, PRINTED
 from thesis_lib.experiments.chapter5.untrained import Search, find_metronome
 from thesis_lib.locomotion import perturbations, rendering
@@ -338,24 +338,6 @@ def noise_table(table: pd.DataFrame, controller: str = "metronome") -> pd.DataFr
 # ------------------------------------------------------------------------------------ scores
 
 
-def robustness_score(base: np.ndarray, perturbed: np.ndarray) -> np.ndarray:
-    """Equation 5.4 for all controllers of one task pair.
-
-    Parameters
-    ----------
-    base, perturbed
-        Returns of the controllers, each shape ``(C,)``.
-
-    Returns
-    -------
-    ndarray
-        Shape ``(C,)``.
-    """
-    best = max(base.max(), perturbed.max())
-    b, p = base / best, perturbed / best
-    return b * (1 - np.abs(p - b))
-
-
 def score_table(table: pd.DataFrame, robots: Sequence[str]) -> pd.DataFrame:
     """Equation 5.4 for the seven printed networks and the metronome together."""
     regular = published.load("table-c.1")
@@ -372,7 +354,7 @@ def score_table(table: pd.DataFrame, robots: Sequence[str]) -> pd.DataFrame:
             networks = pair[0].index
             base = np.r_[pair[0].to_numpy(), own["regular"]]
             perturbed = np.r_[pair[1][networks].to_numpy(), own[condition]]
-            scores = robustness_score(base, perturbed)
+            scores = robustness.score(base, perturbed)
             best = int(scores[:-1].argmax())
             records.append(
                 {

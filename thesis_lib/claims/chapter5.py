@@ -12,6 +12,7 @@ import pandas as pd
 from thesis_lib import published
 from thesis_lib.claims import Claim, Difference, Finding, Tables, Verdict
 from thesis_lib.experiments.chapter5.architectures import FAST, GAIT, SLOW, gait_band
+from thesis_lib.robustness import score
 from thesis_lib.stats import equivalence, mean_ci, welch
 
 ALPHA = 0.05
@@ -191,27 +192,23 @@ def swimmer_recovers(tables: Tables) -> Finding:
 # ------------------------------------------------------------------------------ section 5.3
 
 
-def _score(base: float, perturbed: float, best: float) -> float:
-    """Equation 5.4 for one controller on one task pair."""
-    b, p = base / best, perturbed / best
-    return b * (1 - abs(p - b))
-
-
 def score_range(tables: Tables) -> Finding:
     """A controller that runs backwards under the perturbation, and one that does so always."""
-    turned, backward = _score(100, -50, best=100), _score(-50, -50, best=100)
+    turned, backward = score(100, -50, best=100), score(-50, -50, best=100)
     evidence = (
         "Returns can be negative. With a best return of 100, base return 100 and perturbed return "
         f"-50 score {turned:.2f}, and -50 twice scores {backward:.2f}; for returns from 0 to the "
         "best the score is indeed in [0, 1]."
     )
-    return Finding(Verdict.REFUTED, evidence.replace("-", "−"))
+    outside = min(turned, backward) < 0 or max(turned, backward) > 1
+    verdict = Verdict.REFUTED if outside else Verdict.REPRODUCED
+    return Finding(verdict, evidence.replace("-", "−"))
 
 
 def score_of_the_best(tables: Tables) -> Finding:
     """The score is 1 exactly when both returns are the best."""
-    both = _score(100, 100, best=100)
-    least_loss = [_score(b, p, best=100) for b, p in ((99.9, 100), (100, 99.9), (99.9, 99.9))]
+    both = score(100, 100, best=100)
+    least_loss = [score(b, p, best=100) for b, p in ((99.9, 100), (100, 99.9), (99.9, 99.9))]
     holds = both == 1 and max(least_loss) < 1
     return Finding(
         Verdict.REPRODUCED if holds else Verdict.REFUTED,
@@ -222,7 +219,7 @@ def score_of_the_best(tables: Tables) -> Finding:
 
 def score_depends_on_others(tables: Tables) -> Finding:
     """One controller, two competitors."""
-    alone, beside = _score(80, 60, best=80), _score(80, 60, best=200)
+    alone, beside = score(80, 60, best=80), score(80, 60, best=200)
     return Finding(
         Verdict.REPRODUCED if alone != beside else Verdict.REFUTED,
         f"Returns of 80 and 60 score {alone:.2f} if 80 is the best return and {beside:.2f} if "
@@ -232,7 +229,7 @@ def score_depends_on_others(tables: Tables) -> Finding:
 
 def self_scoring(tables: Tables) -> Finding:
     """A poor but steady controller, scored by its own best return and by another's."""
-    own, other = _score(1, 1, best=1), _score(1, 1, best=1000)
+    own, other = score(1, 1, best=1), score(1, 1, best=1000)
     return Finding(
         Verdict.REPRODUCED if own == 1 and other < 0.01 else Verdict.REFUTED,
         f"Returns of 1 and 1 score {own:.3g} by the controller's own best and {other:.3g} beside a "
@@ -242,7 +239,7 @@ def self_scoring(tables: Tables) -> Finding:
 
 def slowing_beats_turning(tables: Tables) -> Finding:
     """Half speed, standing or turning aside, and going back, after a good base run."""
-    slow, aside, back = (_score(100, p, best=100) for p in (50, 0, -50))
+    slow, aside, back = (score(100, p, best=100) for p in (50, 0, -50))
     return Finding(
         Verdict.REPRODUCED if slow > aside > back else Verdict.REFUTED,
         f"After a base return of 100, half the speed on the hills scores {slow:.2f}, moving at "
