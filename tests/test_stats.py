@@ -109,9 +109,127 @@ def test_iqm_by_hand():
     assert stats.iqm([0, 1, 2, 3, 4, 5, 6, 100]) == pytest.approx((2 + 3 + 4 + 5) / 4)
 
 
-def test_chi_square_by_hand():
-    assert stats.chi_square([1, 2], [0, 4], [1, 2]) == pytest.approx(1 + 1)
-
-
 def test_kruskal_sees_a_shift():
     assert stats.kruskal([1, 2, 3, 4, 5], [11, 12, 13, 14, 15]) < 0.01
+
+
+class TestScoreMatrices:
+    """rliable's definitions: matrices of runs by tasks."""
+
+    X = np.array([[1.0, 5.0], [3.0, 7.0]])
+    Y = np.array([[2.0, 1.0], [3.0, 2.0], [4.0, 3.0]])
+
+    def test_probability_of_improvement_by_hand(self):
+        # Task 0: 1 beats none of 2, 3, 4; 3 beats 2 and ties 3: 1.5 of 6.  Task 1: all 6.
+        found = stats.probability_of_improvement(self.X, self.Y)
+        assert found == pytest.approx((1.5 / 6 + 1) / 2)
+
+    def test_probability_of_improvement_is_the_mean_of_scipys_mann_whitney(self):
+        rng = np.random.default_rng(0)
+        x, y = rng.integers(0, 9, (6, 4)), rng.integers(0, 9, (8, 4))
+        theirs = [scipy_stats.mannwhitneyu(x[:, t], y[:, t]).statistic / 48 for t in range(4)]
+        assert stats.probability_of_improvement(x, y) == pytest.approx(np.mean(theirs))
+
+    def test_other_tasks_are_refused(self):
+        with pytest.raises(ValueError, match="same tasks"):
+            stats.probability_of_improvement(self.X, self.Y[:, :1])
+
+    def test_interval_of_one_task_agrees_with_scipys_bootstrap(self):
+        x = np.random.default_rng(1).normal(size=(40, 1))
+        ours = stats.stratified_bootstrap_ci(
+            x, statistic=stats.iqm, rng=np.random.default_rng(2), n_resamples=4000
+        )
+        theirs = scipy_stats.bootstrap(
+            (x[:, 0],),
+            lambda v, axis: scipy_stats.trim_mean(v, 0.25, axis=axis),
+            method="percentile",
+            n_resamples=4000,
+            rng=np.random.default_rng(3),
+        ).confidence_interval
+        assert ours == pytest.approx((theirs.low, theirs.high), abs=0.02)
+
+    def test_runs_are_resampled_within_their_task(self):
+        # Tasks differ, runs of a task do not: no resample can change anything.
+        x = np.tile([1.0, 2.0, 30.0], (5, 1))
+        interval = stats.stratified_bootstrap_ci(
+            x, statistic=np.mean, rng=np.random.default_rng(0), n_resamples=50
+        )
+        assert interval == (11.0, 11.0)
+
+    def test_an_unfinished_matrix_is_refused(self):
+        with pytest.raises(ValueError, match="finite"):
+            stats.stratified_bootstrap_ci(
+                [[1.0, np.nan]], statistic=np.mean, rng=np.random.default_rng(0)
+            )
+
+
+class TestLeading:
+    """Kruskal-Wallis, then Welch against the best, as table 5.2 marks its entries."""
+
+    def test_a_clear_order(self):
+        samples = {"low": [1, 2, 3, 4, 5], "high": [21, 22, 23, 24, 25], "near": [20, 22, 23, 25]}
+        assert stats.leading(samples) == ["high", "near"]
+
+    def test_where_kruskal_finds_nothing_all_lead(self):
+        # Two ranks below three: the chance is 2 of 10, which no Kruskal-Wallis test takes for a
+        # difference, though Welch's by itself would.
+        samples = {"a": [1.0, 1.1], "b": [5.0, 5.1, 5.2]}
+        assert stats.welch(*samples.values()).p_value < 0.01
+        assert stats.leading(samples) == ["b", "a"]
+
+    def test_printed_means_are_compared_by_welch(self):
+        # Table 5.2, Hopper: 792.1 (73.4) and 601.6 (55.4) over 5 runs do not separate, 273.4 does.
+        cells = {"DFFWD": (792.1, 73.4), "FFWD": (601.6, 55.4), "DTRNN": (273.4, 60.8)}
+        samples = {n: stats.Summary(m, se * 5**0.5, 5) for n, (m, se) in cells.items()}
+        assert stats.leading(samples) == ["DFFWD", "FFWD"]
+
+
+def test_friedman_by_hand():
+    # Ranks 1, 2, 3 in each of 4 tasks: chi2 = 12 / (4 * 3 * 4) * (16 + 64 + 144) - 3 * 4 * 4 = 8.
+    scores = [[1, 2, 3], [10, 20, 30], [0, 5, 6], [7, 8, 9]]
+    assert stats.friedman(scores) == pytest.approx(scipy_stats.chi2.sf(8, 2))
+
+
+def test_parametric_bootstrap_has_the_means_and_errors_given():
+    draws = stats.parametric_bootstrap(
+        [[1.0, np.nan]], [[2.0, np.nan]], rng=np.random.default_rng(0), n_resamples=20_000
+    )
+    assert draws.shape == (20_000, 1, 2)
+    assert draws[:, 0, 0].mean() == pytest.approx(1, abs=0.06)
+    assert draws[:, 0, 0].std() == pytest.approx(2, rel=0.02)
+    assert np.isnan(draws[:, 0, 1]).all()
+
+
+def test_parametric_bootstrap_refuses_negative_errors():
+    with pytest.raises(ValueError, match="at least 0"):
+        stats.parametric_bootstrap([1.0], [-1.0], rng=np.random.default_rng(0))
+
+
+def test_two_sided_counts_the_lesser_tail():
+    # 1 of 9 below 0: 2 (1 + 1) / (9 + 1); nothing above 0 is the mirror image.
+    draws = np.array([-1.0] + [1.0] * 8)
+    assert stats.two_sided(draws) == pytest.approx(0.4)
+    assert stats.two_sided(-draws) == pytest.approx(0.4)
+    assert stats.two_sided(np.zeros(9)) == 1
+    assert np.isnan(stats.two_sided(np.full(9, np.nan)))
+
+
+def test_combined_of_normal_deviates_is_their_chi_square():
+    z = np.array([0.5, -1.5, 2.0])
+    total, p = stats.combined(2 * scipy_stats.norm.sf(abs(z)))
+    assert total == pytest.approx((z**2).sum())
+    assert p == pytest.approx(scipy_stats.chi2.sf((z**2).sum(), 3))
+
+
+def test_combined_keeps_its_level_where_few_runs_are_compared():
+    rng = np.random.default_rng(4)
+    rejected = 0
+    for _ in range(400):
+        p = [stats.welch(rng.normal(size=5), rng.normal(size=5)).p_value for _ in range(7)]
+        rejected += stats.combined(p)[1] < 0.05
+    assert rejected <= scipy_stats.binom.ppf(0.999, 400, 0.05)
+
+
+def test_combined_refuses_a_p_value_of_zero():
+    with pytest.raises(ValueError, match=r"\(0, 1\]"):
+        stats.combined([0.0])

@@ -5,7 +5,7 @@ Every figure states n, an interval and the test; these are the functions it uses
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -215,6 +215,175 @@ def bootstrap_ci(
 def iqm(scores: ArrayLike) -> float:
     """Interquartile mean: the mean of the middle half of all scores."""
     return float(stats.trim_mean(_sample(scores, 1), 0.25))
+
+
+def probability_of_improvement(x: ArrayLike, y: ArrayLike) -> float:
+    """Probability that a run of x beats one of y on a task drawn at random.
+
+    Agarwal et al. (2021), *Deep RL at the edge of the statistical precipice*: the mean over tasks
+    of the Mann-Whitney statistic, P(X > Y) + P(X = Y) / 2.
+
+    Parameters
+    ----------
+    x, y
+        Scores, shapes ``(runs, tasks)``; the numbers of runs may differ.
+    """
+    a, b = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+    if a.ndim != 2 or b.ndim != 2 or a.shape[1] != b.shape[1]:
+        raise ValueError(
+            f"scores have shapes {a.shape} and {b.shape}, but both must be (runs, tasks) with the "
+            "same tasks."
+        )
+    ahead = a[:, None] > b[None]
+    level = a[:, None] == b[None]
+    return float((ahead + 0.5 * level).mean())
+
+
+def stratified_bootstrap_ci(
+    *scores: ArrayLike,
+    statistic: Callable[..., float],
+    rng: np.random.Generator,
+    n_resamples: int = 2000,
+    level: float = 0.95,
+) -> tuple[float, float]:
+    """Percentile interval of a statistic of score matrices, runs resampled within each task.
+
+    Agarwal et al. (2021): tasks are strata, since runs of different tasks do not replace each
+    other.
+
+    Parameters
+    ----------
+    *scores
+        Shapes ``(runs, tasks)``, each resampled by itself.
+    statistic
+        Maps such matrices to a number, such as :func:`iqm` of one of them or
+        :func:`probability_of_improvement` of two.
+    rng, n_resamples, level
+        As in :func:`bootstrap_ci`.
+
+    Returns
+    -------
+    tuple[float, float]
+        Low and high end.
+    """
+    matrices = [np.asarray(s, dtype=float) for s in scores]
+    if any(m.ndim != 2 or not np.isfinite(m).all() for m in matrices):
+        raise ValueError("scores must be matrices (runs, tasks) of finite numbers.")
+    draws = [
+        statistic(*(np.take_along_axis(m, rng.integers(len(m), size=m.shape), 0) for m in matrices))
+        for _ in range(n_resamples)
+    ]
+    low, high = np.quantile(draws, [(1 - level) / 2, (1 + level) / 2])
+    return float(low), float(high)
+
+
+def leading(samples: Mapping[str, ArrayLike | Summary], alpha: float = 0.05) -> list[str]:
+    """Those not significantly below the highest mean, by Welch's test (as in table 5.2).
+
+    The thesis tests "Kruskal-Wallis followed by Welch": where :func:`kruskal` finds nothing, all
+    lead.  Summaries, all that a printed table has, cannot be ranked and go to Welch at once.
+
+    Parameters
+    ----------
+    samples
+        At least 2, by name: one number a run, or their summaries.
+    alpha
+        Level of both tests.
+
+    Returns
+    -------
+    list of str
+        In order of their means, the highest first.
+    """
+    whole = [s for s in samples.values() if not isinstance(s, Summary)]
+    summaries = {name: Summary.of(s) for name, s in samples.items()}
+    order = sorted(summaries, key=lambda name: -summaries[name].mean)
+    if len(whole) == len(samples) and not kruskal(*whole) < alpha:
+        return order
+    best = summaries[order[0]]
+    return [n for n in order if n == order[0] or welch(best, summaries[n]).p_value >= alpha]
+
+
+def friedman(scores: ArrayLike) -> float:
+    """Friedman's p-value that controllers rank alike, with tasks as the unit.
+
+    Parameters
+    ----------
+    scores
+        Shape ``(tasks, controllers)``, at least 3 controllers.
+    """
+    x = np.asarray(scores, dtype=float)
+    return float(stats.friedmanchisquare(*x.T).pvalue)
+
+
+def parametric_bootstrap(
+    mean: ArrayLike, standard_error: ArrayLike, *, rng: np.random.Generator, n_resamples: int = 2000
+) -> FloatArray:
+    """Resamples of means of which only mean and standard error are known: independent normals.
+
+    Parameters
+    ----------
+    mean, standard_error
+        Same shape; NaN where a cell is empty.
+    rng, n_resamples
+        Source and number of the resamples.
+
+    Returns
+    -------
+    FloatArray
+        Shape ``(n_resamples, ...)``.
+    """
+    m, se = np.asarray(mean, dtype=float), np.asarray(standard_error, dtype=float)
+    if m.shape != se.shape or (se < 0).any():
+        raise ValueError(
+            f"means have shape {m.shape} and standard errors {se.shape}; give one error of at "
+            "least 0 for each mean."
+        )
+    draws: FloatArray = m + se * rng.standard_normal((n_resamples, *m.shape))
+    return draws
+
+
+def two_sided(draws: ArrayLike) -> FloatArray:
+    """Two-sided p-value that a quantity is 0, from its bootstrap resamples.
+
+    Parameters
+    ----------
+    draws
+        Shape ``(n_resamples, ...)``.
+
+    Returns
+    -------
+    FloatArray
+        Shape ``(...)``; at least ``2 / (n_resamples + 1)``, NaN where the resamples are.
+    """
+    x = np.asarray(draws, dtype=float)
+    least = np.minimum((x <= 0).sum(axis=0), (x >= 0).sum(axis=0))
+    p = np.minimum(1.0, 2 * (least + 1) / (len(x) + 1))
+    return np.where(np.isnan(x).any(axis=0), np.nan, p)
+
+
+def combined(p_values: ArrayLike) -> tuple[float, float]:
+    """Chi-square over independent comparisons of which only p-values are comparable.
+
+    Each two-sided p-value becomes the squared normal deviate of the same p, so that tests of few
+    runs, whose t has heavy tails, count for what they are; their sum is chi-square with one
+    degree of freedom a comparison.
+
+    Parameters
+    ----------
+    p_values
+        Shape ``(n,)``, each in (0, 1].
+
+    Returns
+    -------
+    tuple[float, float]
+        The sum, and its p-value.
+    """
+    p = np.asarray(p_values, dtype=float)
+    if p.ndim != 1 or not len(p) or not ((p > 0) & (p <= 1)).all():
+        raise ValueError(f"p-values must be a list of numbers in (0, 1], but they are {p}.")
+    total = float(stats.chi2.isf(p, 1).sum())
+    return total, float(stats.chi2.sf(total, len(p)))
 
 
 def chi_square(observed: ArrayLike, expected: ArrayLike, sd: ArrayLike) -> float:
