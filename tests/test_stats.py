@@ -109,6 +109,10 @@ def test_iqm_by_hand():
     assert stats.iqm([0, 1, 2, 3, 4, 5, 6, 100]) == pytest.approx((2 + 3 + 4 + 5) / 4)
 
 
+def test_chi_square_by_hand():
+    assert stats.chi_square([1, 2], [0, 4], [1, 2]) == pytest.approx(1 + 1)
+
+
 def test_kruskal_sees_a_shift():
     assert stats.kruskal([1, 2, 3, 4, 5], [11, 12, 13, 14, 15]) < 0.01
 

@@ -1,0 +1,93 @@
+"""The results store as chapter 5 reads it."""
+
+import pandas as pd
+import pytest
+
+from thesis_lib.chapter5.runs import read_runs
+
+RUN = {"task": "Hopper", "terrain": "flat", "architecture": "gru", "variant": "default"}
+
+
+def layer(folder, name, seeds, iterations, batch, returns=1.0, **cell):
+    """Write one layer; ``iterations`` may be given seed by seed."""
+    each = iterations if isinstance(iterations, list) else [iterations] * seeds
+    rows = [
+        RUN | cell | {"seed": s, "iteration": i, "steps": i * batch + 7, "mean_return": returns * i}
+        for s, last in enumerate(each)
+        for i in range(1, last + 1)
+    ]
+    path = folder / name
+    path.mkdir(parents=True)
+    pd.DataFrame(rows).to_csv(path / "curves.csv", index=False)
+    return path
+
+
+def test_a_store_that_does_not_exist_holds_no_runs(tmp_path):
+    runs = read_runs(tmp_path / "none")
+    assert runs.curves.empty
+    assert runs.deepest().empty
+    assert runs.learning().empty
+    assert runs.returns().empty
+
+
+def test_the_deepest_budget_with_enough_seeds_counts(tmp_path):
+    layer(tmp_path, "breadth", 3, 4, 20_000)
+    layer(tmp_path, "depth", 3, 10, 50_000)
+    found = read_runs(tmp_path).deepest()
+    assert found[["layer", "iterations", "batch_steps", "seeds"]].values.tolist() == [
+        ["depth", 10, 50_000, 3]
+    ]
+
+
+def test_deep_runs_of_few_seeds_wait_for_more(tmp_path):
+    layer(tmp_path, "breadth", 3, 4, 20_000)
+    layer(tmp_path, "depth", 2, 10, 50_000)
+    runs = read_runs(tmp_path)
+    assert runs.deepest().layer.tolist() == ["breadth"]
+    assert runs.depths().layer.tolist() == ["breadth", "depth"]
+
+
+def test_without_enough_seeds_anywhere_the_deepest_counts(tmp_path):
+    layer(tmp_path, "breadth", 2, 4, 20_000)
+    layer(tmp_path, "depth", 1, 10, 50_000)
+    assert read_runs(tmp_path).deepest().layer.tolist() == ["depth"]
+
+
+def test_unfinished_runs_are_left_out(tmp_path):
+    layer(tmp_path, "depth", 4, [10, 10, 10, 6], 50_000)
+    runs = read_runs(tmp_path)
+    assert runs.deepest().seeds.tolist() == [3]
+    assert sorted(runs.learning().seed) == [0, 1, 2]
+
+
+def test_learning_is_the_mean_over_all_iterations(tmp_path):
+    layer(tmp_path, "depth", 3, 10, 50_000)
+    found = read_runs(tmp_path).learning()
+    assert found.mean_return.tolist() == [5.5] * 3  # of 1 to 10
+    assert found.last_return.tolist() == [8.0] * 3  # of 6 to 10
+
+
+def test_returns_are_means_over_test_runs_at_that_budget(tmp_path):
+    path = layer(tmp_path, "depth", 3, 10, 50_000)
+    other = layer(tmp_path, "breadth", 3, 2, 20_000)
+    tests = [
+        RUN | {"seed": s, "condition": "noise", "run": r, "return": 10.0 * s + r}
+        for s in range(3)
+        for r in range(3)
+    ]
+    pd.DataFrame(tests).to_parquet(path / "tests.parquet")
+    pd.DataFrame(tests).assign(**{"return": -1.0}).to_parquet(other / "tests.parquet")
+    found = read_runs(tmp_path).returns()
+    assert found["return"].tolist() == [1.0, 11.0, 21.0]
+    assert set(found.correlation) == {0.0}
+    assert set(found.intervention) == {"none"}
+    assert set(found.iterations) == {10}
+
+
+def test_a_file_without_a_column_is_named(tmp_path):
+    path = layer(tmp_path, "depth", 3, 2, 50_000)
+    pd.read_csv(path / "curves.csv").drop(columns="seed").to_csv(path / "curves.csv")
+    with pytest.raises(
+        ValueError, match=r"curves\.csv of the layer 'depth' lacks the columns seed"
+    ):
+        read_runs(tmp_path)

@@ -1,0 +1,106 @@
+"""The studies' statistics by hand, and their criteria on outcomes made by hand."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import ttest_ind
+
+from thesis_lib.chapter5 import study_filter, study_seeds
+from thesis_lib.edition.ledger import Verdict
+
+
+def predictions(seeds=16, **bounds):
+    """Predictions with intervals (low, high)."""
+    rows = [
+        study_filter.Prediction(name, (low + high) / 2, low, high, seeds)
+        for name, (low, high) in bounds.items()
+    ]
+    return pd.DataFrame(rows)
+
+
+HOLDS, OPEN, FAILS = (0.1, 0.2), (-0.1, 0.1), (-0.2, -0.1)
+
+
+@pytest.mark.parametrize(
+    ("lead", "slow", "filtered", "fixed", "seeds", "verdict"),
+    [
+        (HOLDS, HOLDS, HOLDS, HOLDS, 16, Verdict.REPRODUCED),
+        (HOLDS, HOLDS, HOLDS, HOLDS, 5, Verdict.INCONCLUSIVE),
+        (OPEN, HOLDS, HOLDS, HOLDS, 16, Verdict.NOT_REPRODUCED),
+        (HOLDS, OPEN, HOLDS, OPEN, 16, Verdict.DIRECTION),
+        (HOLDS, OPEN, OPEN, OPEN, 16, Verdict.NOT_REPRODUCED),
+        (HOLDS, HOLDS, FAILS, HOLDS, 16, Verdict.NOT_REPRODUCED),
+        (HOLDS, HOLDS, FAILS, FAILS, 16, Verdict.REFUTED),
+    ],
+)
+def test_the_filter_study_is_judged_by_all_its_predictions(
+    lead, slow, filtered, fixed, seeds, verdict
+):
+    table = predictions(
+        seeds, **{"lead": lead, "slow noise": slow, "filter": filtered, "fixed": fixed}
+    )
+    assert study_filter.because_it_filters(table).verdict is verdict
+
+
+def test_the_filter_studys_predictions_by_hand():
+    kept = {
+        ("CTRNN", 0): 0.8,
+        ("DTRNN", 0): 0.4,
+        ("CTRNN", 100): 0.5,
+        ("DTRNN", 100): 0.4,
+        ("DTRNN, filtered", 0): 0.7,
+        ("CTRNN, fixed", 0): 0.5,
+    }
+    found = study_filter._predicted({k: np.array(v) for k, v in kept.items()})
+    expected = {"lead": 0.4, "slow noise": 0.2 - 0.1, "filter": 0.3 - 0.2, "fixed": 0.3 - 0.2}
+    assert {k: float(v) for k, v in found.items()} == pytest.approx(expected)
+
+
+def filter_store(folder, kept, seeds=8):
+    """A layer with the study's arms; ``kept`` maps arm and correlation to the share kept."""
+    curves, tests = [], []
+    for (arm, correlation), share in kept.items():
+        a = study_filter.ARMS[arm]
+        for seed in range(seeds):
+            at = {"task": "HalfCheetah", "terrain": "flat", "architecture": a.architecture}
+            at |= {"variant": a.variant, "seed": seed}
+            curves.append(at | {"iteration": 1, "steps": 50_000, "mean_return": 1.0})
+            test = at | {"intervention": a.intervention, "run": 0}
+            tests.append(test | {"condition": "base", "correlation": 0, "return": 1000.0})
+            noisy = {"condition": "noise", "correlation": correlation}
+            tests.append(test | noisy | {"return": 1000.0 * share + seed})
+    folder.mkdir()
+    pd.DataFrame(curves).drop_duplicates().to_csv(folder / "curves.csv", index=False)
+    pd.DataFrame(tests).drop_duplicates().to_parquet(folder / "tests.parquet")
+
+
+@pytest.mark.parametrize(
+    ("without", "verdict"), [(0.75, Verdict.REPRODUCED), (0.4, Verdict.REFUTED)]
+)
+def test_the_filter_study_reads_a_store(tmp_path, without, verdict):
+    kept = {("CTRNN", c): 0.8 if c < 10 else 0.5 for c in study_filter.CORRELATIONS}
+    kept |= {("DTRNN", c): 0.4 for c in study_filter.CORRELATIONS}
+    kept |= {("DTRNN, filtered", 0): without, ("FFWD", 0): 0.4, ("FFWD, filtered", 0): without}
+    kept |= {("CTRNN, fixed", 0): 1.2 - without}
+    filter_store(tmp_path / "filter", kept)
+    config = study_filter.Config(resamples=200, store=str(tmp_path))
+    table = study_filter.predictions.run(config=config).table
+    assert table.seeds.tolist() == [8] * 4
+    assert study_filter.because_it_filters(table).verdict is verdict
+
+
+def test_power_is_the_share_of_experiments_that_find_the_difference():
+    rng = np.random.default_rng(0)
+    x, y = rng.normal(1.5, 1, (4000, 5)), rng.normal(0, 1, (4000, 5))
+    share = (ttest_ind(x, y, axis=1).pvalue < 0.05).mean()
+    assert study_seeds.power(1.5, 1, 5) == pytest.approx(share, abs=0.03)
+
+
+def test_power_without_a_difference_is_the_level():
+    assert study_seeds.power(0, 1, 7) == pytest.approx(0.05)
+
+
+def test_enough_seeds_are_the_fewest():
+    # A table of power analysis: d = 1 needs 17 a group for 80% at 5%, two-sided (Cohen 1988).
+    assert study_seeds.seeds_needed(1.0, 1.0) == 17
+    assert study_seeds.seeds_needed(0.001, 1.0) == study_seeds.MOST_SEEDS

@@ -1,0 +1,222 @@
+"""Tables of cells, ours beside the printed ones: what tables 5.2, 5.3 and C.1 to C.3 share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib import published
+from thesis_lib.chapter5.cells import GROUPS, NETS, PUBLISHED, ROBOTS
+from thesis_lib.chapter5.judging import ALPHA, Evidence
+from thesis_lib.chapter5.runs import DEFAULT, ENOUGH, PRINTED_STEPS
+from thesis_lib.edition.ledger import Verdict
+from thesis_lib.robustness import TRAINED_ON
+from thesis_lib.stats import Comparison, Summary, leading, mean_ci, welch
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A printed cell, and runs of ours beside it."""
+
+    robot: str
+    """Robot."""
+    trained_on: str
+    """Flat, or hill: ground it was trained on."""
+    net: str
+    """Architecture."""
+    printed: float
+    """Printed mean."""
+    printed_error: float
+    """Printed standard error."""
+    leads: bool
+    """Whether no net's printed mean on its row is significantly higher (Welch, p < .05)."""
+    note: str
+    """What is known of the printed cell: misprints, runs that were cut short."""
+    ours: float
+    """Mean over our seeds at the deepest budget there is."""
+    error: float
+    """Its standard error over seeds."""
+    low: float
+    """Lower end of its 95% Student interval over seeds."""
+    high: float
+    """Upper end."""
+    best: float
+    """Of the seed with the highest mean return over the last five iterations."""
+    ours_leads: bool
+    """As leads, of ours, by Kruskal-Wallis followed by Welch."""
+    p_printed: float
+    """Welch's test that our mean and the printed one are the same."""
+    seeds: int
+    """Seeds of ours; 0 where nothing has been run yet."""
+    iterations: int
+    """Iterations of our runs."""
+    batch_steps: int
+    """Control steps of an iteration."""
+    printed_budget: bool
+    """Whether that is as many steps as the thesis's 500 iterations of 50,000."""
+
+
+def beside(table: str, ours: pd.DataFrame, printed_runs: int) -> list[Cell]:
+    """The cells of a printed table with runs of ours.
+
+    Parameters
+    ----------
+    table
+        Id of the printed table.
+    ours
+        One row a run, with the columns of a store's runs, ``value``, ``last_return``,
+        ``iterations`` and ``batch_steps``.
+    printed_runs
+        Runs behind a printed cell.
+    """
+    told = published.load(table).set_index(["task", "trained_on", "architecture"])
+    own = ours[ours.variant == DEFAULT].assign(net=ours.architecture.str.upper())
+    own = own.sort_values("seed")
+    by_cell = dict(list(own.groupby(["task", "terrain", "net"])))
+    rows = []
+    for ground in TRAINED_ON:
+        for robot in ROBOTS:
+            row = told.loc[PUBLISHED[robot]].loc[ground]
+            summaries = {
+                net: Summary(r.value, r.standard_error * printed_runs**0.5, printed_runs)
+                for net, r in row.iterrows()
+            }
+            mine = {n: by_cell[robot, ground, n] for n in NETS if (robot, ground, n) in by_cell}
+            first = set(leading(summaries, ALPHA))
+            ours_first = _leading(mine)
+            rows += [
+                _cell(
+                    robot,
+                    ground,
+                    net,
+                    row.loc[net],
+                    summaries[net],
+                    net in first,
+                    mine.get(net),
+                    net in ours_first,
+                )
+                for net in NETS
+            ]
+    return rows
+
+
+def _leading(mine: dict[str, pd.DataFrame]) -> set[str]:
+    """Leading nets of a row; none unless all have been run with enough seeds."""
+    if len(mine) < len(NETS) or min(len(runs) for runs in mine.values()) < ENOUGH:
+        return set()
+    return set(leading({net: runs.value.to_numpy() for net, runs in mine.items()}, ALPHA))
+
+
+def _cell(
+    robot: str,
+    ground: str,
+    net: str,
+    row: pd.Series,
+    summary: Summary,
+    first: bool,
+    runs: pd.DataFrame | None,
+    ours_first: bool,
+) -> Cell:
+    value = np.array([]) if runs is None else runs.value.to_numpy()
+    n = len(value)
+    mean = value.mean() if n else np.nan
+    half = mean_ci(value).half_width if n > 1 else np.nan
+    iterations = 0 if runs is None else int(runs.iterations.min())
+    batch = 0 if runs is None else int(runs.batch_steps.min())
+    return Cell(
+        robot,
+        ground,
+        net,
+        printed=row.value,
+        printed_error=row.standard_error,
+        leads=first,
+        note=row.note,
+        ours=mean,
+        error=value.std(ddof=1) / n**0.5 if n > 1 else np.nan,
+        low=mean - half,
+        high=mean + half,
+        best=np.nan if runs is None else runs.value.loc[runs.last_return.idxmax()],
+        ours_leads=ours_first,
+        p_printed=welch(value, summary).p_value if n > 1 else np.nan,
+        seeds=n,
+        iterations=iterations,
+        batch_steps=batch,
+        printed_budget=iterations * batch >= PRINTED_STEPS,
+    )
+
+
+def column(source: str) -> tuple[str, str, str]:
+    """Columns of mean, standard error and leading group in a table of cells, by source."""
+    return (
+        ("printed", "printed_error", "leads")
+        if source == "printed"
+        else ("ours", "error", "ours_leads")
+    )
+
+
+def wide(table: pd.DataFrame, value: str) -> pd.DataFrame:
+    """One column of a table of cells, ground and robot down, nets across."""
+    return table.pivot(index=["trained_on", "robot"], columns="net", values=value)[list(NETS)]
+
+
+def evidence(table: pd.DataFrame, source: str, verdict: Verdict, sentence: str) -> Evidence:
+    """Evidence from the cells of some rows, with what our runs behind them were."""
+    if source == "printed":
+        return Evidence(verdict, sentence)
+    return Evidence(
+        verdict,
+        sentence,
+        units=int(table.seeds.min()),
+        printed_budget=bool(table.printed_budget.all()),
+    )
+
+
+def summary(row: pd.Series, source: str, printed_runs: int) -> Summary:
+    """Mean, standard deviation over runs and number of runs of a cell, of which n must exceed 1."""
+    value, error, _ = column(source)
+    n = printed_runs if source == "printed" else int(row.seeds)
+    return Summary(row[value], row[error] * n**0.5, n)
+
+
+def best_against_best(row: pd.DataFrame, source: str, printed_runs: int) -> Comparison:
+    """The best RNN's mean on a row against the best FNN's, by Welch's test."""
+    by = row.set_index("net")
+    rnn, fnn = (
+        summary(
+            by.loc[by.loc[list(GROUPS[group]), column(source)[0]].idxmax()], source, printed_runs
+        )
+        for group in ("RNNs", "FNNs")
+    )
+    return welch(rnn, fnn)
+
+
+def several_runs(table: pd.DataFrame, source: str) -> bool:
+    """Whether a source has means and standard errors in all cells of some rows."""
+    return bool(table[list(column(source)[:2])].notna().all(axis=None))
+
+
+def run(table: pd.DataFrame, source: str) -> bool:
+    """Whether a source has numbers in all cells of some rows."""
+    return bool(table[column(source)[0]].notna().all())
+
+
+def shown(table: pd.DataFrame, ground: str, robots: Sequence[str] = ROBOTS) -> pd.DataFrame:
+    """A table of cells for a page: printed, ours and how deep, one line a robot and net."""
+    part = table[(table.trained_on == ground) & table.robot.isin(robots)]
+    return pd.DataFrame([_line(row) for row in part.itertuples()])
+
+
+def _line(row: Any) -> dict[str, Any]:
+    error = f" ({row.error:.0f})" if row.seeds > 1 else ""
+    return {
+        "robot": row.robot,
+        "net": row.net + (" *" if row.leads else ""),
+        "printed": f"{row.printed:.0f} ({row.printed_error:.0f})",
+        "ours": f"{row.ours:.0f}{error}" if row.seeds else "not run",
+        "seeds": row.seeds,
+        "budget": f"{row.iterations} × {row.batch_steps:,}" if row.seeds else "–",
+    }

@@ -1,0 +1,173 @@
+"""Every comparison of nets that the text of sections 5.5 to 5.7 makes, printed and ours.
+
+Averages are over tasks.  Each difference has two kinds of evidence: over *runs* (test runs of the
+thesis's one policy a cell, its five learning runs, or our seeds), which says whether these
+policies differ on these tasks; and with *tasks* as the unit, which says whether nets do.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import ttest_1samp
+
+from thesis_lib.arrays import FloatArray
+from thesis_lib.chapter5 import cells
+from thesis_lib.chapter5.cells import GROUPS, NETS, Cells, shares
+from thesis_lib.chapter5.runs import ENOUGH, read_runs
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.robustness import PERTURBATIONS, TRAINED_ON, quadrants
+from thesis_lib.stats import friedman, two_sided
+
+
+@dataclass(frozen=True)
+class Config:
+    """What is read, and how often it is resampled."""
+
+    resamples: int = 4000
+    """Bootstrap resamples."""
+    store: str = ""
+    """Folder of the results store; the checkout's own where empty."""
+
+
+SMOKE, BOOK = Config(200), Config()
+
+PAIRS = (
+    *itertools.permutations(NETS, 2),
+    ("FNNs", "RNNs"),
+    ("vanilla RNNs", "gated RNNs"),
+    ("simple nets", "gated RNNs"),
+    ("FNNs and CTRNN", "other RNNs"),
+)
+"""First and second of each comparison, nets or :data:`~thesis_lib.chapter5.cells.GROUPS`."""
+
+
+@dataclass(frozen=True)
+class Contrast:
+    """One difference between the mean scores of two nets, or groups of nets."""
+
+    source: str
+    """Printed or ours."""
+    measure: str
+    """Learning (share of the best mean return over learning on a task), test (share of the best
+    return of the regular test) or robustness (equation 5.4)."""
+    quadrant: str
+    """Ground trained on, perturbation, both, or all."""
+    first: str
+    """Net or group whose mean over tasks and nets comes first."""
+    second: str
+    """What is subtracted."""
+    value: float
+    """Mean score of the first."""
+    difference: float
+    """First less second, mean over tasks."""
+    low: float
+    """Lower end of the 95% bootstrap interval over runs."""
+    high: float
+    """Upper end."""
+    p_runs: float
+    """Two-sided bootstrap p-value of the difference over runs."""
+    p_tasks: float
+    """Paired t-test with tasks as the unit."""
+    p_friedman: float
+    """Friedman's test over all seven nets, tasks as the unit."""
+    tasks: int
+    """Tasks on which all seven nets have been run."""
+    units: int
+    """Fewest runs behind a cell."""
+    printed_budget: bool
+    """Whether all cells learned for as many steps as the thesis's."""
+
+
+@experiment("ch5-comparisons", item="Sections 5.5 to 5.7", smoke=SMOKE, book=BOOK, seconds=10)
+def comparisons(config: Config, context: Context) -> list[Contrast]:
+    """Differences between nets in learning, at test and in robustness, printed and ours."""
+    store = read_runs(config.store)
+    rngs = iter([np.random.default_rng(s) for s in context.seeds(4)])
+    n = config.resamples
+    rows: list[Contrast] = []
+    for made in (
+        cells.printed(("table-5.2",), next(rngs), n),
+        cells.from_learning(store, next(rngs), n),
+    ):
+        rows += _by_ground("learning", made, made.mean, made.draws)
+    for made in (
+        cells.printed(tuple(cells.TESTED.values()), next(rngs), n),
+        cells.from_tests(store, next(rngs), n),
+    ):
+        rows += _by_ground("test", made, made.mean[:, :1], made.draws[:, :, :1])
+        rows += _by_quadrant(made)
+    return rows
+
+
+def _by_ground(
+    measure: str, made: Cells, mean: FloatArray, draws: FloatArray
+) -> Iterator[Contrast]:
+    """Contrasts of shares of returns for each ground trained on and both; C is 1."""
+    mean, draws = shares(mean, mean), shares(draws, mean)
+    for i, ground in enumerate(TRAINED_ON):
+        yield from _contrasts(measure, ground, made, mean[i, 0], draws[:, i, 0], [i])
+    yield from _contrasts(measure, "all", made, mean.mean((0, 1)), draws.mean((1, 2)), [0, 1])
+
+
+def _by_quadrant(made: Cells) -> Iterator[Contrast]:
+    """Contrasts of scores in each quadrant, each perturbation, and all four together."""
+    mean, draws = quadrants(made.mean), quadrants(made.draws)
+    for j, perturbation in enumerate(PERTURBATIONS):
+        for i, ground in enumerate(TRAINED_ON):
+            quadrant = f"{ground} {perturbation}"
+            yield from _contrasts("robustness", quadrant, made, mean[i, j], draws[:, i, j], [i])
+        both = mean[:, j].mean(0), draws[:, :, j].mean(1)
+        yield from _contrasts("robustness", perturbation, made, *both, [0, 1])
+    whole = mean.mean((0, 1)), draws.mean((1, 2))
+    yield from _contrasts("robustness", "all", made, *whole, [0, 1])
+
+
+def _contrasts(
+    measure: str,
+    quadrant: str,
+    made: Cells,
+    mean: FloatArray,
+    draws: FloatArray,
+    grounds: list[int],
+) -> Iterator[Contrast]:
+    """All :data:`PAIRS`, from scores by robot and net and their resamples."""
+    there = np.isfinite(mean).all(axis=-1)
+    if not there.any():
+        return
+    mean, draws = mean[there], draws[:, there]
+    units = made.units[grounds][:, there]
+    budget = bool(made.printed_budget[grounds][:, there].all())
+    ranks = friedman(mean) if len(mean) > 1 else np.nan
+    for first, second in PAIRS:
+        weights = _weights(first) - _weights(second)
+        by_task, over = mean @ weights, (draws @ weights).mean(axis=1)
+        known = int(units.min()) >= ENOUGH
+        low, high = np.quantile(over, [0.025, 0.975]) if known else (np.nan, np.nan)
+        yield Contrast(
+            made.source,
+            measure,
+            quadrant,
+            first,
+            second,
+            value=float((mean @ _weights(first)).mean()),
+            difference=float(by_task.mean()),
+            low=float(low),
+            high=float(high),
+            p_runs=float(two_sided(over)),
+            p_tasks=float(ttest_1samp(by_task, 0).pvalue) if len(by_task) > 1 else np.nan,
+            p_friedman=ranks,
+            tasks=len(by_task),
+            units=int(units.min()),
+            printed_budget=budget,
+        )
+
+
+def _weights(group: str) -> FloatArray:
+    """Mean over the nets of a group, as weights of the seven nets."""
+    members = np.isin(NETS, GROUPS[group])
+    weights: FloatArray = members / members.sum()
+    return weights

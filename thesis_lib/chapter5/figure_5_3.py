@@ -1,0 +1,115 @@
+"""Figure 5.3: mean learning curves, whose printed measure is table 5.2 (section 5.5.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from thesis_lib import published
+from thesis_lib.chapter5.cells import NETS, PUBLISHED, ROBOTS
+from thesis_lib.chapter5.contrasts import Config
+from thesis_lib.chapter5.runs import CELL, DEFAULT, read_runs
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.plots import COLOURS
+from thesis_lib.robustness import TRAINED_ON
+from thesis_lib.stats import mean_ci
+
+POINTS = 50
+"""Points of a curve; each is the mean of as many iterations as that takes."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """Some iterations of a learning curve; a cell that has not been run has one row without."""
+
+    robot: str
+    """Robot."""
+    trained_on: str
+    """Flat or hill."""
+    net: str
+    """Net."""
+    iteration: float
+    """Mean of the iterations."""
+    mean_return: float
+    """Mean return over these iterations and over seeds."""
+    low: float
+    """Lower end of its 95% Student interval over seeds."""
+    high: float
+    """Upper end."""
+    seeds: int
+    """Seeds; 0 where it has not been run."""
+    iterations: int
+    """Iterations of the runs."""
+    batch_steps: int
+    """Control steps of an iteration."""
+    printed: float
+    """Mean over the first 500 iterations by table 5.2; the printed curves are a picture."""
+
+
+@experiment("figure-5.3", item="Figure 5.3", smoke=Config(), book=Config(), seconds=3)
+def curves(config: Config, context: Context) -> list[Point]:
+    """Learning curves by robot, ground and net at the deepest budget there is."""
+    store = read_runs(config.store)
+    budget = [*CELL, "layer", "iterations", "batch_steps"]
+    own = store.curves.merge(store.deepest()[budget], on=[*CELL, "layer"])
+    own = own[own.variant == DEFAULT]
+    own = own.assign(net=own.architecture.str.upper())
+    by_cell = dict(list(own.groupby(["task", "terrain", "net"])))
+    told = published.load("table-5.2").set_index(["task", "trained_on", "architecture"]).value
+    rows = []
+    for ground in TRAINED_ON:
+        for robot in ROBOTS:
+            for net in NETS:
+                printed = float(told[PUBLISHED[robot], ground, net])
+                runs = by_cell.get((robot, ground, net))
+                if runs is None:
+                    rows.append(Point(robot, ground, net, *(np.nan,) * 4, 0, 0, 0, printed))
+                else:
+                    rows += [Point(robot, ground, net, *p, printed) for p in _points(runs)]
+    return rows
+
+
+def _points(runs: pd.DataFrame) -> list[tuple[float, float, float, float, int, int, int]]:
+    """Iteration, mean, low, high, seeds and budget of each point of one cell's curve."""
+    iterations, batch = int(runs.iterations.max()), int(runs.batch_steps.max())
+    width = max(1, -(-iterations // POINTS))
+    binned = runs.assign(bin=(runs.iteration - 1) // width)
+    by_seed = binned.groupby(["bin", "seed"])[["iteration", "mean_return"]].mean()
+    found = []
+    for _, point in by_seed.groupby("bin"):
+        n = len(point)
+        half = mean_ci(point.mean_return).half_width if n > 1 else np.nan
+        mean = point.mean_return.mean()
+        place = point.iteration.mean()
+        found.append((place, mean, mean - half, mean + half, n, iterations, batch))
+    return found
+
+
+def draw(table: pd.DataFrame, robot: str) -> Figure:
+    """Learning curves of one robot, flat and hill, with table 5.2's means at the right edge."""
+    fig, axes = plt.subplots(1, 2, figsize=(7.2, 3.4), sharey=True)
+    for ax, ground in zip(axes, TRAINED_ON, strict=True):
+        for net, colour in zip(NETS, COLOURS, strict=False):
+            own = table[(table.robot == robot) & (table.trained_on == ground) & (table.net == net)]
+            ax.plot(own.iteration, own.mean_return, color=colour, label=net)
+            ax.fill_between(own.iteration, own.low, own.high, color=colour, alpha=0.15, lw=0)
+            ax.plot(
+                [1.02],
+                [own.printed.iloc[0]],
+                "<",
+                color=colour,
+                clip_on=False,
+                transform=ax.get_yaxis_transform(),
+            )
+        ax.set_title(f"{robot}, {ground}")
+        ax.set_xlabel("iteration")
+        ax.set_xlim(0, max(1, own.iterations.max()))
+        if table[(table.robot == robot) & (table.trained_on == ground)].mean_return.isna().all():
+            ax.text(0.5, 0.5, "not run yet", transform=ax.transAxes, ha="center")
+    axes[0].set_ylabel("mean return")
+    fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=7)
+    return fig

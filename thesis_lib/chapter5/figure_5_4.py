@@ -1,0 +1,395 @@
+"""Figure 5.4: robustness scores by quadrant (section 5.5.2), and what the text says of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from scipy.stats import ttest_1samp
+
+from thesis_lib.arrays import FloatArray, IntArray
+from thesis_lib.chapter5 import cells
+from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS, Cells
+from thesis_lib.chapter5.contrasts import SMOKE, Config, comparisons
+from thesis_lib.chapter5.judging import (
+    ALPHA,
+    Evidence,
+    ahead,
+    both,
+    difference,
+    leads,
+    pick,
+    together,
+)
+from thesis_lib.chapter5.runs import ENOUGH, read_runs
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.ledger import Verdict
+from thesis_lib.edition.plots import COLOURS
+from thesis_lib.robustness import CONDITIONS, PERTURBATIONS, TRAINED_ON, quadrants, score
+from thesis_lib.stats import friedman, iqm, stratified_bootstrap_ci
+
+ALL = "all"
+"""Stands for the mean over robots, or over nets."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """One robustness score with its interval."""
+
+    source: str
+    """Printed or ours."""
+    trained_on: str
+    """Flat or hill."""
+    perturbation: str
+    """Noise or switch."""
+    robot: str
+    """Robot, or all for a statistic over robots."""
+    net: str
+    """Net, or all for a statistic over nets."""
+    statistic: str
+    """Mean; spread (standard deviation over nets of their mean scores); or iqm, the interquartile
+    mean over seeds and robots."""
+    value: float
+    """Equation 5.4."""
+    low: float
+    """Lower end of the 95% bootstrap interval over runs (printed: test runs; ours: seeds)."""
+    high: float
+    """Upper end."""
+    units: int
+    """Fewest runs behind it."""
+    printed_budget: bool
+    """Whether its cells learned for as many steps as the thesis's."""
+
+
+@experiment("figure-5.4", item="Figure 5.4", smoke=SMOKE, book=Config(), seconds=8)
+def scores(config: Config, context: Context) -> list[Score]:
+    """Robustness scores (equation 5.4) by quadrant, robot and net, printed and ours."""
+    a, b, c = (np.random.default_rng(s) for s in context.seeds(3))
+    n = config.resamples
+    printed = cells.printed(tuple(cells.TESTED.values()), a, n)
+    ours = cells.from_tests(read_runs(config.store), b, n)
+    return [*_scores(printed, c, n), *_scores(ours, c, n)]
+
+
+def _scores(made: Cells, rng: np.random.Generator, n: int) -> Iterator[Score]:
+    """Rows of one source."""
+    mean, draws = quadrants(made.mean), quadrants(made.draws)
+    for i, ground in enumerate(TRAINED_ON):
+        for j, perturbation in enumerate(PERTURBATIONS):
+            value, drawn = mean[i, j], draws[:, i, j]
+            units, whole = made.units[i], made.printed_budget[i] == 1
+            there = np.isfinite(value).all(axis=-1)
+            if not there.any():
+                continue
+            at = (made.source, ground, perturbation)
+            for k in np.flatnonzero(there):
+                name, depth = ROBOTS[k], (units[k].min(), bool(whole[k].all()))
+                for m, net in enumerate(NETS):
+                    yield _row(at, name, net, "mean", value[k, m], drawn[:, k, m], depth)
+                yield _row(at, name, ALL, "mean", value[k].mean(), drawn[:, k].mean(-1), depth)
+            over, drawn = value[there].mean(0), drawn[:, there].mean(1)
+            depth = (units[there].min(), bool(whole[there].all()))
+            for m, net in enumerate(NETS):
+                yield _row(at, ALL, net, "mean", over[m], drawn[:, m], depth)
+                if made.runs and depth[0] >= ENOUGH:
+                    by_seed = _by_seed(made, i, j, m, np.flatnonzero(there), depth[0])
+                    interval = stratified_bootstrap_ci(
+                        by_seed, statistic=iqm, rng=rng, n_resamples=n
+                    )
+                    yield Score(*at, ALL, net, "iqm", iqm(by_seed), *interval, *depth)
+            spread = drawn.std(axis=-1, ddof=1)
+            yield _row(at, ALL, ALL, "spread", over.std(ddof=1), spread, depth)
+
+
+def _row(
+    at: tuple[str, str, str],
+    robot: str,
+    net: str,
+    statistic: str,
+    value: float,
+    draws: FloatArray,
+    depth: tuple[int, bool],
+) -> Score:
+    low, high = np.quantile(draws, [0.025, 0.975])
+    return Score(*at, robot, net, statistic, float(value), float(low), float(high), *depth)
+
+
+def _by_seed(made: Cells, i: int, j: int, m: int, robots: IntArray, seeds: int) -> FloatArray:
+    """Scores of one net, shape ``(seeds, robots)``; scaled by the best of the nets' means."""
+    base, other = CONDITIONS.index("base"), CONDITIONS.index(PERTURBATIONS[j])
+    best = np.maximum(made.mean[i, base], made.mean[i, other]).max(axis=-1)
+    runs = [made.runs[i, int(k), m][:seeds] for k in robots]
+    return np.stack(
+        [score(r[:, base], r[:, other], best[k]) for r, k in zip(runs, robots, strict=True)],
+        axis=1,
+    )
+
+
+def _means(table: pd.DataFrame, source: str) -> pd.DataFrame:
+    return table[(table.source == source) & (table.statistic == "mean")]
+
+
+def _evidence(rows: pd.DataFrame, verdict: Verdict, sentence: str) -> Evidence:
+    robots = rows.robot[rows.robot != ALL].nunique()
+    return Evidence(
+        verdict, sentence, int(rows.units.min()), robots, bool(rows.printed_budget.all())
+    )
+
+
+# ------------------------------------------------------------------ sensor noise
+noise_flat = leads(
+    *("5.5.2-noise-flat", "robustness", "flat noise"),
+    firsts=["CTRNN", "DFFWD"],
+    seconds=["DTRNN", "ESN", "FFWD", "GRU", "LSTM"],
+    tasks=True,
+)
+noise_hill = leads(
+    *("5.5.2-noise-hill", "robustness", "hill noise"), firsts=["CTRNN"], seconds=NETS, tasks=True
+)
+deep_over_shallow = leads(
+    *("5.5.2-deep-over-shallow", "robustness", "flat noise"), firsts=["DFFWD"], seconds=["FFWD"]
+)
+gated_poor = leads(
+    *("5.5.2-gated-poor", "robustness", "flat noise"),
+    firsts=["CTRNN", "DTRNN", "ESN", "DFFWD", "FFWD"],
+    seconds=GROUPS["gated RNNs"],
+)
+
+
+@both("1.4-ctrnn-noise", comparisons)
+def ctrnn_under_noise(source: str, table: pd.DataFrame) -> Evidence | None:
+    """CTRNN against all others, trained on the flat and on hills."""
+    parts = []
+    for ground in TRAINED_ON:
+        part = ahead(table, source, "robustness", f"{ground} noise", ["CTRNN"], NETS, tasks=True)
+        told = f"trained on {ground}: {part.sentence}" if part else ""
+        parts.append(replace(part, sentence=told) if part else None)
+    return together(parts)
+
+
+@both("5.5.2-noise-no-best", scores)
+def no_best_under_noise(source: str, table: pd.DataFrame) -> Evidence | None:
+    """Nets with the highest score on each task, flat-trained, under noise."""
+    rows = _means(table, source)
+    rows = rows[(rows.trained_on == "flat") & (rows.perturbation == "noise")]
+    rows = rows[(rows.robot != ALL) & (rows.net != ALL)]
+    if rows.empty:
+        return None
+    best = rows.loc[rows.groupby("robot").value.idxmax()]
+    told = ", ".join(f"{r.robot} {r.net}" for r in best.itertuples())
+    verdict = Verdict.REPRODUCED if best.net.nunique() > 1 else Verdict.REFUTED
+    return _evidence(rows, verdict, f"highest score: {told}.")
+
+
+# ------------------------------------------------------------------ switch to hills
+fnns_on_switch = leads(
+    *("5.5.2-switch-flat-fnn", "robustness", "flat switch"),
+    firsts=GROUPS["FNNs"],
+    seconds=GROUPS["RNNs"],
+)
+fnns_and_ctrnn_on_switch = leads(
+    *("5.5.2-switch-hill", "robustness", "hill switch"),
+    firsts=GROUPS["FNNs and CTRNN"],
+    seconds=GROUPS["other RNNs"],
+    tasks=True,
+)
+
+
+@both("5.5.2-switch-less-distinct", scores)
+def less_distinct(source: str, table: pd.DataFrame) -> Evidence | None:
+    """Spread of the nets' mean scores under the switch, hill-trained against flat-trained."""
+    rows = table[(table.source == source) & (table.perturbation == "switch")]
+    spread = rows[rows.statistic == "spread"].set_index("trained_on")
+    if len(spread) < 2:
+        return None
+    flat, hill = spread.loc["flat"], spread.loc["hill"]
+    if hill.high < flat.low:
+        verdict = Verdict.REPRODUCED
+    elif hill.low > flat.high:
+        verdict = Verdict.REFUTED
+    else:
+        verdict = Verdict.DIRECTION if hill.value < flat.value else Verdict.NOT_REPRODUCED
+    return _evidence(
+        rows,
+        verdict,
+        "standard deviation over nets of their mean scores: "
+        f"{hill.value:.3f} [{hill.low:.3f}, {hill.high:.3f}] trained on hills, {flat.value:.3f} "
+        f"[{flat.low:.3f}, {flat.high:.3f}] trained on the flat.",
+    )
+
+
+@both("6.1-ctrnn-matches", comparisons)
+def ctrnn_matches(source: str, table: pd.DataFrame) -> Evidence | None:
+    """CTRNN against the FNNs under the switch, before and after training on hills."""
+    behind = ahead(table, source, "robustness", "flat switch", GROUPS["FNNs"], ["CTRNN"])
+    level = pick(table, source, "robustness", "hill switch")
+    level = level[(level["first"] == "CTRNN") & level.second.isin(GROUPS["FNNs"])]
+    if behind is None or level.empty:
+        return None
+    overtaken = ((level.difference < 0) & (level.p_runs < ALPHA)).any()
+    verdict = Verdict.REFUTED if overtaken else behind.verdict
+    told = ", ".join(f"{r.second} {difference(r)}" for _, r in level.iterrows())
+    return Evidence(
+        verdict,
+        f"trained on the flat, {behind.sentence} Trained on hills, CTRNN less {told}.",
+        min(behind.units, int(level.units.min())),
+        min(behind.tasks, int(level.tasks.min())),
+        behind.printed_budget and bool(level.printed_budget.all()),
+    )
+
+
+# ------------------------------------------------------------------ all quadrants
+most_robust = leads(
+    *("1.4-most-robust", "robustness", "all"),
+    firsts=GROUPS["FNNs and CTRNN"],
+    seconds=GROUPS["other RNNs"],
+)
+significantly_robust = leads(
+    *("5-significantly-robust", "robustness", "all"),
+    firsts=GROUPS["FNNs and CTRNN"],
+    seconds=GROUPS["other RNNs"],
+    tasks=True,
+)
+ctrnn_well = leads(
+    *("5.7-ctrnn-well", "robustness", "all"), firsts=["CTRNN"], seconds=GROUPS["other RNNs"]
+)
+
+
+@both("5.7-simple-robust", comparisons)
+def simple_more_robust(source: str, table: pd.DataFrame) -> Evidence | None:
+    """Vanilla RNNs and FNNs, each against each gated net, in every quadrant."""
+    simple, gated = GROUPS["simple nets"], GROUPS["gated RNNs"]
+    whole = ahead(table, source, "robustness", ALL, simple, gated)
+    if whole is None:
+        return None
+    at = [f"{ground} {what}" for ground in TRAINED_ON for what in PERTURBATIONS]
+    rows = pd.concat(pick(table, source, "robustness", quadrant) for quadrant in at)
+    rows = rows[rows["first"].isin(simple) & rows.second.isin(gated)]
+    over = (rows.difference > 0).groupby(rows.quadrant).all()
+    against = rows[(rows.difference < 0) & (rows.p_runs < ALPHA)]
+    told = "; ".join(
+        f"{r.quadrant}, {r['first']} less {r.second} {difference(r)}" for _, r in against.iterrows()
+    )
+    verdict = whole.verdict
+    if verdict is Verdict.REPRODUCED and not over.all():
+        verdict = Verdict.DIRECTION
+    return Evidence(
+        verdict,
+        f"{whole.sentence} In {over.sum()} of {len(over)} quadrants every simple net is ahead of "
+        f"both gated ones{'; against it: ' + told if told else ''}.",
+        whole.units,
+        whole.tasks,
+        whole.printed_budget,
+    )
+
+
+# ------------------------------------------------------------------ robots
+def _by_robot(table: pd.DataFrame, source: str) -> pd.DataFrame:
+    """Mean score over nets, robots down, quadrants across."""
+    rows = _means(table, source)
+    rows = rows[(rows.robot != ALL) & (rows.net != ALL)]
+    return rows.pivot_table(index="robot", columns=["trained_on", "perturbation"], values="value")
+
+
+def _extreme(table: pd.DataFrame, source: str, robot: str, *, highest: bool) -> Evidence | None:
+    """Whether a robot's mean score is the highest, or lowest, of all quadrant by quadrant."""
+    by = _by_robot(table, source)
+    if by.empty or by.isna().any(axis=None):
+        return None
+    first = by.idxmax() if highest else by.idxmin()
+    count = int((first == robot).sum())
+    if count == by.shape[1]:
+        verdict = Verdict.REPRODUCED
+    else:
+        verdict = Verdict.DIRECTION if 2 * count > by.shape[1] else Verdict.NOT_REPRODUCED
+    told = ", ".join(f"{ground} {what} {name}" for (ground, what), name in first.items())
+    which = "highest" if highest else "lowest"
+    return _evidence(_means(table, source), verdict, f"the {which} mean score over nets: {told}.")
+
+
+@both("5.5.2-cheetah-robust", scores)
+def cheetah_robust(source: str, table: pd.DataFrame) -> Evidence | None:
+    """HalfCheetah scores highest."""
+    return _extreme(table, source, "HalfCheetah", highest=True)
+
+
+@both("5.5.2-hopper-worst", scores)
+def hopper_worst(source: str, table: pd.DataFrame) -> Evidence | None:
+    """Hopper scores lowest."""
+    return _extreme(table, source, "Hopper", highest=False)
+
+
+@both("5.5.2-ant-hill", scores)
+def ant_hill_robust(source: str, table: pd.DataFrame) -> Evidence | None:
+    """Hill-trained Ant against the mean of the robots, net by net, ESN left out as in the text."""
+    rows = _means(table, source)
+    rows = rows[(rows.trained_on == "hill") & (rows.robot != ALL)]
+    rows = rows[~rows.net.isin([ALL, "ESN"])]
+    told, above, sure = [], [], []
+    for what in PERTURBATIONS:
+        by = rows[rows.perturbation == what].pivot(index="net", columns="robot", values="value")
+        if by.shape[1] < len(ROBOTS):
+            return None
+        gap = by.Ant - by.mean(axis=1)
+        p = float(ttest_1samp(gap, 0).pvalue)
+        above.append(gap.mean() > 0)
+        sure.append(gap.mean() > 0 and p < ALPHA)
+        place = by.mean().rank(ascending=False).Ant
+        told.append(f"under {what} {place:.0f} of {len(ROBOTS)} (p = {p:.2g})")
+    if all(sure):
+        verdict = Verdict.REPRODUCED
+    else:
+        verdict = Verdict.DIRECTION if all(above) else Verdict.NOT_REPRODUCED
+    sentence = f"the hill-trained Ant ranks {' and '.join(told)}, tested against the mean robot."
+    return _evidence(rows, verdict, sentence)
+
+
+@both("5.7-varies-across-tasks", scores)
+def varies_across_tasks(source: str, table: pd.DataFrame) -> Evidence | None:
+    """Friedman's test that robots rank alike, nets as blocks, in each quadrant."""
+    rows = _means(table, source)
+    rows = rows[(rows.robot != ALL) & (rows.net != ALL)]
+    p = {
+        f"{ground} {what}": friedman(own.pivot(index="net", columns="robot", values="value"))
+        for (ground, what), own in rows.groupby(["trained_on", "perturbation"])
+        if own.robot.nunique() > 2
+    }
+    if len(p) < 4:
+        return None
+    all_of_them = max(p.values()) < ALPHA
+    verdict = Verdict.REPRODUCED if all_of_them else Verdict.NOT_REPRODUCED
+    told = ", ".join(f"{quadrant} p = {value:.2g}" for quadrant, value in p.items())
+    return _evidence(rows, verdict, f"scores differ between robots, nets as blocks: {told}.")
+
+
+def draw(table: pd.DataFrame, source: str = "printed") -> Figure:
+    """Figure 5.4: mean score by net in each quadrant, with the scores on each robot.
+
+    Parameters
+    ----------
+    table
+        Of :data:`scores`.
+    source
+        ``printed`` or ``ours``.
+    """
+    rows = _means(table, source)
+    fig, axes = plt.subplots(2, 2, figsize=(7.2, 5.4), sharex=True, sharey=True)
+    for i, what in enumerate(PERTURBATIONS):
+        for j, ground in enumerate(TRAINED_ON):
+            ax = axes[i, j]
+            own = rows[(rows.perturbation == what) & (rows.trained_on == ground)]
+            bars = own[own.robot == ALL].set_index("net").reindex(list(NETS))
+            span = np.abs(bars[["low", "high"]].sub(bars.value, axis=0).to_numpy().T)
+            ax.bar(NETS, bars.value, yerr=span, color="#c9d6e8", edgecolor=COLOURS[0], capsize=2)
+            for robot, colour in zip(ROBOTS, COLOURS[1:], strict=False):
+                points = own[own.robot == robot].set_index("net").value.reindex(list(NETS))
+                ax.plot(NETS, points, "o", ms=4, color=colour, label=robot)
+            ax.set_title(f"trained on {ground}, {what}")
+            ax.tick_params(axis="x", rotation=45)
+    fig.supylabel("robustness score")
+    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
+    return fig

@@ -1,0 +1,136 @@
+"""Figure 5.5: is it depth, size or the transfer function? (section 5.5.2)"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from thesis_lib.arrays import FloatArray
+from thesis_lib.chapter5 import cells
+from thesis_lib.chapter5.cells import EXTRA_NETS, NETS
+from thesis_lib.chapter5.contrasts import SMOKE, Config
+from thesis_lib.chapter5.judging import Evidence, both
+from thesis_lib.chapter5.runs import ENOUGH, read_runs
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.ledger import Verdict
+from thesis_lib.edition.plots import COLOURS
+from thesis_lib.robustness import quadrants
+
+ALL_NETS = (*NETS, *EXTRA_NETS)
+
+
+@dataclass(frozen=True)
+class Score:
+    """Mean score of a net under noise, trained on the flat, and by how much DFFWD leads it."""
+
+    source: str
+    """Printed or ours."""
+    net: str
+    """Net."""
+    score: float
+    """Equation 5.4, mean over robots."""
+    low: float
+    """Lower end of its 95% bootstrap interval over runs."""
+    high: float
+    """Upper end."""
+    behind: float
+    """DFFWD's score less its own."""
+    behind_low: float
+    """Lower end of the interval of that difference."""
+    behind_high: float
+    """Upper end."""
+    robots: int
+    """Robots on which every net shown has been run."""
+    units: int
+    """Fewest runs behind it."""
+    printed_budget: bool
+    """Whether all learned for as many steps as the thesis's."""
+
+
+@experiment("figure-5.5", item="Figure 5.5", smoke=SMOKE, book=Config(), seconds=6)
+def depth(config: Config, context: Context) -> list[Score]:
+    """Scores under noise with a softplus net and a wide shallow one; their bars are a picture."""
+    a, b = (np.random.default_rng(s) for s in context.seeds(2))
+    printed = cells.printed(tuple(cells.TESTED.values()), a, config.resamples)
+    ours = cells.from_tests(read_runs(config.store), b, config.resamples, ALL_NETS)
+    return [*_scores(printed, NETS), *_scores(ours, ALL_NETS)]
+
+
+def _scores(made: cells.Cells, nets: tuple[str, ...]) -> list[Score]:
+    mean, draws = quadrants(made.mean)[0, 0], quadrants(made.draws)[:, 0, 0]
+    there = np.isfinite(mean).all(axis=-1)
+    if not there.any():
+        return []
+    value, drawn = mean[there].mean(0), draws[:, there].mean(1)
+    units = int(made.units[0, there].min())
+    deep = nets.index("DFFWD")
+    return [
+        Score(
+            made.source,
+            net,
+            float(value[m]),
+            *_interval(drawn[:, m], units),
+            float(value[deep] - value[m]),
+            *_interval(drawn[:, deep] - drawn[:, m], units),
+            int(there.sum()),
+            units,
+            bool(made.printed_budget[0, there].all()),
+        )
+        for m, net in enumerate(nets)
+    ]
+
+
+def _interval(draws: FloatArray, units: int) -> tuple[float, float]:
+    if units < ENOUGH:
+        return np.nan, np.nan
+    low, high = np.quantile(draws, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def _behind(table: pd.DataFrame, source: str, net: str) -> Evidence | None:
+    """Whether DFFWD leads a net."""
+    rows = table[(table.source == source) & (table.net == net)]
+    if rows.empty:
+        return None
+    row = rows.iloc[0]
+    if row.behind_high < 0:
+        verdict = Verdict.REFUTED
+    elif row.behind_low > 0:
+        verdict = Verdict.REPRODUCED
+    else:
+        verdict = Verdict.DIRECTION if row.behind > 0 else Verdict.NOT_REPRODUCED
+    sentence = (
+        f"DFFWD less {net} {row.behind:+.3f} [{row.behind_low:.3f}, {row.behind_high:.3f}], "
+        f"mean of {row.robots} robots."
+    )
+    return Evidence(verdict, sentence, int(row.units), int(row.robots), bool(row.printed_budget))
+
+
+@both("5.5.2-depth", depth)
+def deep_over_wide(source: str, table: pd.DataFrame) -> Evidence | None:
+    """DFFWD against a single layer of 400 units."""
+    return _behind(table, source, "FFWD-400")
+
+
+@both("5.5.2-tanh", depth)
+def tanh_over_softplus(source: str, table: pd.DataFrame) -> Evidence | None:
+    """DFFWD against the same net with softplus."""
+    return _behind(table, source, "DFFWD-SOFTPLUS")
+
+
+def draw(table: pd.DataFrame) -> Figure:
+    """Mean scores under noise, flat-trained: printed, and ours with the two further nets."""
+    fig, ax = plt.subplots(figsize=(7.2, 3.2))
+    places = np.arange(len(ALL_NETS))
+    for shift, source, colour in ((-0.2, "printed", COLOURS[7]), (0.2, "ours", COLOURS[0])):
+        own = table[table.source == source].set_index("net").reindex(list(ALL_NETS))
+        span = np.abs(own[["low", "high"]].sub(own.score, axis=0).to_numpy().T)
+        ax.bar(places + shift, own.score, 0.4, yerr=span, color=colour, alpha=0.7, label=source)
+    ax.set_xticks(places, ALL_NETS, rotation=45, ha="right")
+    ax.set_ylabel("score under noise")
+    ax.legend(loc="upper right")
+    return fig

@@ -1,0 +1,228 @@
+"""How a claim of chapter 5 is judged: on the printed tables, and on our runs.
+
+Both kinds of evidence are told.  A claim is as good as the weaker of the two; what the printed
+tables bear out and we have not run, or not long enough, is *not run* or *inconclusive*, and what
+the printed tables themselves deny is denied.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.chapter5.cells import ROBOTS
+from thesis_lib.chapter5.contrasts import comparisons
+from thesis_lib.chapter5.runs import ENOUGH
+from thesis_lib.edition.experiment import Experiment
+from thesis_lib.edition.ledger import Criterion, Finding, Verdict, criterion
+from thesis_lib.stats import holm
+
+ALPHA = 0.05
+
+_ORDER = (Verdict.REFUTED, Verdict.NOT_REPRODUCED, Verdict.DIRECTION, Verdict.REPRODUCED)
+"""From weakest to strongest."""
+
+_WORDS = {
+    Verdict.REFUTED: "deny it",
+    Verdict.NOT_REPRODUCED: "do not show it",
+    Verdict.DIRECTION: "agree in direction only",
+    Verdict.REPRODUCED: "bear it out",
+    Verdict.INCONCLUSIVE: "are too few to tell",
+}
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What one source says.
+
+    Attributes
+    ----------
+    verdict
+        By the criterion.
+    sentence
+        The numbers behind it.
+    units
+        Fewest runs behind a cell.
+    tasks
+        Tasks with every net.
+    printed_budget
+        Whether all runs learned for as long as the thesis's.
+    """
+
+    verdict: Verdict
+    sentence: str
+    units: int = 20
+    tasks: int = len(ROBOTS)
+    printed_budget: bool = True
+
+
+Judge = Callable[..., Evidence | None]
+"""From a source, ``printed`` or ``ours``, and tables, to what they say; None without any run."""
+
+
+def both(claim: str, *experiments: Experiment[Any]) -> Callable[[Judge], Criterion]:
+    """Make a function of a source and tables the criterion of a claim."""
+
+    def make(function: Judge) -> Criterion:
+        def judge(*tables: pd.DataFrame) -> Finding:
+            printed = function("printed", *tables)
+            return weigh(printed, function("ours", *tables))
+
+        return criterion(claim, *experiments)(judge)
+
+    return make
+
+
+def weigh(printed: Evidence | None, ours: Evidence | None) -> Finding:
+    """The finding of both sources.
+
+    Parameters
+    ----------
+    printed, ours
+        What each says; None where the thesis prints no numbers, or nothing has been run.
+    """
+    own = _own(ours)
+    if printed is None:
+        told = "The thesis prints no numbers."
+    else:
+        told = f"The printed tables {_WORDS[printed.verdict]}: {printed.sentence}"
+    if ours is None:
+        mine = "Ours have not been run yet."
+    else:
+        deep = "" if ours.printed_budget else ", fewer steps than the thesis's"
+        mine = f"Our runs ({ours.units} seeds{deep}) {_WORDS[own]}: {ours.sentence}"
+    verdicts = [v for v in (printed and printed.verdict, own) if v in _ORDER]
+    weakest = min(verdicts, key=_ORDER.index, default=own)
+    if own not in _ORDER and weakest in (Verdict.REPRODUCED, Verdict.DIRECTION):
+        weakest = own
+    return Finding(weakest, f"{told} {mine}")
+
+
+def _own(ours: Evidence | None) -> Verdict:
+    """The verdict of our runs: fewer seeds, tasks or steps than it takes decide nothing."""
+    if ours is None:
+        return Verdict.NOT_RUN
+    whole = ours.units >= ENOUGH and ours.tasks == len(ROBOTS)
+    if not whole or (not ours.printed_budget and ours.verdict is not Verdict.REPRODUCED):
+        return Verdict.INCONCLUSIVE
+    return ours.verdict
+
+
+def together(parts: list[Evidence | None]) -> Evidence | None:
+    """Evidence for a claim of several parts: as good as the weakest."""
+    found = [part for part in parts if part is not None]
+    if len(found) < len(parts):
+        return None
+    return Evidence(
+        min((part.verdict for part in found), key=_ORDER.index),
+        " ".join(part.sentence for part in found),
+        min(part.units for part in found),
+        min(part.tasks for part in found),
+        all(part.printed_budget for part in found),
+    )
+
+
+def leads(
+    claim: str,
+    measure: str,
+    quadrant: str,
+    firsts: Sequence[str],
+    seconds: Sequence[str],
+    *,
+    tasks: bool = False,
+) -> Criterion:
+    """The criterion that each of some nets is ahead of each of others, as :func:`ahead` says."""
+    return both(claim, comparisons)(
+        lambda source, table: ahead(table, source, measure, quadrant, firsts, seconds, tasks=tasks)
+    )
+
+
+def ahead(
+    table: pd.DataFrame,
+    source: str,
+    measure: str,
+    quadrant: str,
+    firsts: Sequence[str],
+    seconds: Sequence[str],
+    *,
+    tasks: bool = False,
+) -> Evidence | None:
+    """Whether each of some nets is ahead of each of others.
+
+    Parameters
+    ----------
+    table
+        Of :data:`~thesis_lib.chapter5.contrasts.comparisons`.
+    source, measure, quadrant, firsts, seconds
+        Which of its rows.
+    tasks
+        Whether "significantly" must hold with tasks as the unit too.
+
+    Returns
+    -------
+    Evidence or None
+        Reproduced if every difference is above 0 over runs, p < .05 after Holm (and with tasks as
+        the unit too); direction only if all are above 0; refuted if one is below 0 with p < .05;
+        None without rows.
+    """
+    rows = pick(table, source, measure, quadrant)
+    rows = rows[rows["first"].isin(firsts) & rows.second.isin(seconds)]
+    rows = rows[rows["first"] != rows.second]
+    if rows.empty:
+        return None
+    p_runs, p_tasks = _holm(rows.p_runs), _holm(rows.p_tasks)
+    if ((rows.difference < 0) & (p_runs < ALPHA)).any():
+        verdict = Verdict.REFUTED
+    elif ((rows.difference > 0) & (p_runs < ALPHA)).all():
+        enough = not tasks or bool((p_tasks < ALPHA).all())
+        verdict = Verdict.REPRODUCED if enough else Verdict.DIRECTION
+    else:
+        positive = (rows.difference > 0).all()
+        verdict = Verdict.DIRECTION if positive else Verdict.NOT_REPRODUCED
+    least = rows.loc[rows.difference.idxmin()]
+    sentence = (
+        f"{least['first']} less {least.second} {difference(least)}"
+        f"{', the least of ' + str(len(rows)) if len(rows) > 1 else ''}; over runs "
+        f"{_significant(p_runs)}, with the {least.tasks} tasks as the unit {_significant(p_tasks)} "
+        f"(Friedman over all seven nets p = {least.p_friedman:.2g})."
+    )
+    return Evidence(
+        verdict,
+        sentence,
+        units=int(rows.units.min()),
+        tasks=int(rows.tasks.min()),
+        printed_budget=bool(rows.printed_budget.all()),
+    )
+
+
+def pick(table: pd.DataFrame, source: str, measure: str, quadrant: str) -> pd.DataFrame:
+    """Contrasts of one source, measure and quadrant."""
+    at = (table.source == source) & (table.measure == measure) & (table.quadrant == quadrant)
+    return table[at]
+
+
+def difference(row: pd.Series) -> str:
+    """A difference with its interval, as text."""
+    return minus(f"{row.difference:+.3f} [{row.low:.3f}, {row.high:.3f}]")
+
+
+def minus(text: str) -> str:
+    """Text with typographic minus signs for those before a digit."""
+    for sign in (" -", "[-", "(-"):
+        text = text.replace(sign, sign[0] + "−")
+    return "−" + text[1:] if text.startswith("-") else text
+
+
+def _significant(p: np.ndarray) -> str:
+    if len(p) == 1:
+        return f"p = {p[0]:.2g}"
+    return f"{int((p < ALPHA).sum())} of {len(p)} are significant"
+
+
+def _holm(p: pd.Series) -> np.ndarray:
+    """Holm's adjustment; unknown where one is unknown."""
+    return np.full(len(p), np.nan) if p.isna().any() else holm(p)

@@ -1,0 +1,214 @@
+"""Tables 5.3 and C.1 to C.3: returns of fixed, greedy policies (section 5.5.2, appendix C)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from scipy.stats import norm, spearmanr, ttest_1samp
+
+from thesis_lib import published
+from thesis_lib.chapter5.cell_table import (
+    Cell,
+    beside,
+    best_against_best,
+    column,
+    evidence,
+    run,
+    several_runs,
+    wide,
+)
+from thesis_lib.chapter5.cells import NETS, ROBOTS, TEST_RUNS
+from thesis_lib.chapter5.contrasts import Config, comparisons
+from thesis_lib.chapter5.judging import ALPHA, Evidence, ahead, both, difference, minus, pick
+from thesis_lib.chapter5.runs import CELL, DEFAULT, read_runs
+from thesis_lib.edition.experiment import Context, Experiment, experiment
+from thesis_lib.edition.ledger import Finding, Verdict, criterion
+from thesis_lib.stats import holm
+
+LIMIT = 0.99
+"""Rank correlations of seven nets are taken as no nearer to 1 than this before Fisher's z."""
+
+
+def _returns(table: str, condition: str, item: str) -> Experiment[Config]:
+    """The experiment of one printed table of test returns."""
+
+    def cells(config: Config, context: Context) -> list[Cell]:
+        store = read_runs(config.store)
+        tests = store.returns()
+        tests = tests[(tests.condition == condition) & (tests.correlation == 0)]
+        tests = tests[(tests.intervention == "none") & (tests.variant == DEFAULT)]
+        ends = store.learning()[[*CELL, "seed", "last_return"]]
+        runs = tests.merge(ends, on=[*CELL, "seed"]).rename(columns={"return": "value"})
+        return beside(table, runs, TEST_RUNS)
+
+    cells.__doc__ = f"{published.TABLES[table]}, printed and ours, by robot, ground and net"
+    return experiment(table, item=item, smoke=Config(), book=Config(), seconds=2)(cells)
+
+
+table_5_3 = _returns("table-5.3", "base", "Table 5.3")
+table_c_1 = _returns("table-c.1", "base", "Table C.1")
+table_c_2 = _returns("table-c.2", "noise", "Table C.2")
+table_c_3 = _returns("table-c.3", "switch", "Table C.3")
+
+
+@both("5.5.2-no-single-best", table_c_1, comparisons)
+def no_single_best(source: str, table: pd.DataFrame, both_units: pd.DataFrame) -> Evidence | None:
+    """Winners of the rows, and whether one net is ahead of all others on average."""
+    if not run(table, source):
+        return None
+    winners = wide(table, column(source)[0]).idxmax(axis=1).value_counts()
+    champions = [
+        net
+        for net in NETS
+        if (found := ahead(both_units, source, "test", "all", [net], NETS, tasks=True))
+        and found.verdict is Verdict.REPRODUCED
+    ]
+    one = winners.iloc[0] == len(ROBOTS) * 2 or bool(champions)
+    told = ", ".join(f"{net} {count}" for net, count in winners.items())
+    return evidence(
+        table,
+        source,
+        Verdict.REFUTED if one else Verdict.REPRODUCED,
+        f"best in the regular test on the ten rows: {told}; ahead of all others on average, with "
+        f"tasks as the unit too: {', '.join(champions) or 'none'}.",
+    )
+
+
+@both("5.5.2-fnn-drops", comparisons)
+def fnn_drops(source: str, table: pd.DataFrame) -> Evidence | None:
+    """Lead of FNNs over RNNs in learning less that in the regular test."""
+    rows = [pick(table, source, measure, "all") for measure in ("learning", "test")]
+    rows = [r[(r["first"] == "FNNs") & (r.second == "RNNs")] for r in rows]
+    if any(r.empty for r in rows):
+        return None
+    learning, test = (r.iloc[0] for r in rows)
+    drop = learning.difference - test.difference
+    error = np.hypot(*((r.high - r.low) / (2 * norm.ppf(0.975)) for r in (learning, test)))
+    p = 2 * norm.sf(abs(drop) / error)
+    if p < ALPHA:
+        verdict = Verdict.REPRODUCED if drop > 0 else Verdict.REFUTED
+    else:
+        verdict = Verdict.DIRECTION if drop > 0 else Verdict.NOT_REPRODUCED
+    return Evidence(
+        verdict,
+        minus(
+            f"FNNs less RNNs {difference(learning)} in learning and {difference(test)} in the "
+            f"regular test, a fall of {drop:.3f} (p = {p:.2g}, intervals taken as normal)."
+        ),
+        units=int(min(learning.units, test.units)),
+        tasks=int(min(learning.tasks, test.tasks)),
+        printed_budget=bool(learning.printed_budget and test.printed_budget),
+    )
+
+
+@both("5.5.2-best-rnn", table_c_1)
+def best_rnn(source: str, table: pd.DataFrame) -> Evidence | None:
+    """Rows on which the best RNN earns significantly more than the best FNN."""
+    if not several_runs(table, source):
+        return None
+    tests = {
+        at: best_against_best(row, source, TEST_RUNS)
+        for at, row in table.groupby(["trained_on", "robot"])
+    }
+    p = holm([test.p_value for test in tests.values()])
+    more = pd.Series({at: test.difference > 0 for at, test in tests.items()})
+    sure = more & (p < ALPHA)
+    by, clear = (part.groupby(level=0).sum() for part in (more, sure))
+    if 2 * sure.sum() > len(sure):
+        verdict = Verdict.REPRODUCED
+    else:
+        verdict = Verdict.DIRECTION if 2 * more.sum() > len(more) else Verdict.NOT_REPRODUCED
+    sentence = (
+        f"the best RNN earns more than the best FNN on {by['flat']} of 5 rows trained on the flat "
+        f"({clear['flat']} significantly, Welch, Holm) and {by['hill']} of 5 trained on hills "
+        f"({clear['hill']})."
+    )
+    return evidence(table, source, verdict, sentence)
+
+
+@both("5.5.2-fnn-rugged", comparisons)
+def fnn_rugged(source: str, table: pd.DataFrame) -> Evidence | None:
+    """FNNs against RNNs after training on hills: not below."""
+    rows = pick(table, source, "test", "hill")
+    rows = rows[(rows["first"] == "FNNs") & (rows.second == "RNNs")]
+    if rows.empty:
+        return None
+    row = rows.iloc[0]
+    below = row.difference < 0 and row.p_runs < ALPHA
+    return Evidence(
+        Verdict.REFUTED if below else Verdict.REPRODUCED,
+        f"FNNs less RNNs {difference(row)} of the best return on a task.",
+        int(row.units),
+        int(row.tasks),
+        bool(row.printed_budget),
+    )
+
+
+@criterion("table-5.3-is-c.1", table_5_3, table_c_1)
+def same_table(short: pd.DataFrame, full: pd.DataFrame) -> Finding:
+    """Cells of the two printed tables that differ."""
+    keys = ["trained_on", "robot", "net"]
+    pair = short.merge(full, on=keys, suffixes=("", "_c"))
+    apart = pair[(pair.printed != pair.printed_c) | (pair.printed_error != pair.printed_error_c)]
+    told = "; ".join(
+        f"{r.robot} {r.trained_on}, {r.net}: {r.printed:.1f} and {r.printed_c:.1f}"
+        for r in apart.itertuples()
+    )
+    return Finding(
+        Verdict.REFUTED if len(apart) else Verdict.REPRODUCED,
+        f"{len(apart)} of {len(pair)} cells differ{': ' + told if told else ''}.",
+    )
+
+
+@criterion("5.4-regular-test", table_c_1, table_c_3)
+def regular_test(base: pd.DataFrame, switch: pd.DataFrame) -> Finding:
+    """Hill-trained swimmers in the regular test and where hills come after the switch."""
+    both_tests = [
+        t[(t.robot == "Swimmer") & (t.trained_on == "hill")].set_index("net").printed
+        for t in (base, switch)
+    ]
+    ratio = both_tests[0] / both_tests[1]
+    if (ratio > 2).all():
+        verdict = Verdict.REFUTED
+    else:
+        verdict = Verdict.REPRODUCED if (ratio <= 1).all() else Verdict.NOT_REPRODUCED
+    return Finding(
+        verdict,
+        f"Hill-trained swimmers earn {both_tests[0].min():.0f} to {both_tests[0].max():.0f} in the "
+        f"regular test, {ratio.min():.1f} to {ratio.max():.1f} times what they earn where hills "
+        "begin some way ahead. On hills from the start they would earn no more than there; the "
+        "captions of tables 5.3 and C.1 say flat terrain.",
+    )
+
+
+@both("5.5.2-gait-quality", table_c_1, table_c_2, table_c_3)
+def gait_quality(
+    source: str, base: pd.DataFrame, noise: pd.DataFrame, switch: pd.DataFrame
+) -> Evidence | None:
+    """Rank correlation over nets of base and perturbed return, by robot, flat-trained."""
+    tables = [t[t.trained_on == "flat"] for t in (base, noise, switch)]
+    if not all(run(t, source) for t in tables):
+        return None
+    regular, noisy, hilly = (wide(t, column(source)[0]).to_numpy() for t in tables)
+    with_noise, with_hills = (
+        np.array([spearmanr(a, b).statistic for a, b in zip(regular, other, strict=True)])
+        for other in (noisy, hilly)
+    )
+    gap = np.arctanh(np.clip(with_hills, -LIMIT, LIMIT))
+    gap -= np.arctanh(np.clip(with_noise, -LIMIT, LIMIT))
+    p = float(ttest_1samp(gap, 0).pvalue)
+    if gap.mean() > 0:
+        verdict = Verdict.REPRODUCED if p < ALPHA else Verdict.DIRECTION
+    else:
+        verdict = Verdict.NOT_REPRODUCED
+    return evidence(
+        pd.concat(tables),
+        source,
+        verdict,
+        minus(
+            "rank correlation over nets between the regular return and the perturbed one, mean of "
+            f"the robots: {with_hills.mean():.2f} under the switch and {with_noise.mean():.2f} "
+            f"under noise; higher under the switch for {(gap > 0).sum()} of {len(gap)} robots "
+            f"(paired t-test of Fisher's z, p = {p:.2g})."
+        ),
+    )

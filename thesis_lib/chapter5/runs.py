@@ -1,0 +1,176 @@
+"""The runs of chapter 5's benchmark, as the results store holds them.
+
+A store is a folder.  Each folder in it (a *layer*) holds what runs of one budget produced:
+``curves.csv`` (or ``.parquet``), the learning curves, and where the policies have been tested
+``tests.parquet`` (or ``.csv``).  Runs of one layer stop at the same iteration; one that has not
+come so far is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from thesis_lib.checkout import repository_root
+
+RUN_COLUMNS: Mapping[str, str] = {
+    "task": "robot, such as HalfCheetah",
+    "terrain": "flat or hill: the ground it was trained on",
+    "architecture": "net, such as dtrnn",
+    "seed": "seed of the run",
+    "variant": "settings that differ from the defaults, or default",
+}
+"""Columns that tell runs apart; a file may have more."""
+
+CURVE_COLUMNS: Mapping[str, str] = {
+    **RUN_COLUMNS,
+    "iteration": "from 1",
+    "steps": "control steps learned from so far",
+    "mean_return": "mean return of the batch",
+}
+"""Columns of ``curves``, one row an iteration of a run."""
+
+TEST_COLUMNS: Mapping[str, str] = {
+    **RUN_COLUMNS,
+    "condition": "base, noise or switch",
+    "correlation": "correlation time of the noise in control steps, 0 where it is white",
+    "intervention": "what was done to the net in the test: none, no memory, no previous action "
+    "or input filter",
+    "run": "number of the test run, from 0",
+    "return": "return of the test run",
+}
+"""Columns of ``tests``, one row a test run of a policy; ``correlation`` and ``intervention`` may
+be left out where there is none."""
+
+PRINTED_STEPS = 500 * 50_000
+"""Control steps of a run of table 5.2: 500 iterations of 50,000."""
+
+ENOUGH = 3
+"""Seeds from which on an interval over seeds is given."""
+
+CELL = ["task", "terrain", "architecture", "variant"]
+DEFAULT = "default"
+
+
+@dataclass(frozen=True)
+class Runs:
+    """Runs of a store.
+
+    Attributes
+    ----------
+    curves
+        Columns of :data:`CURVE_COLUMNS` and ``layer``; finished runs only.
+    tests
+        Columns of :data:`TEST_COLUMNS` and ``layer``.
+    """
+
+    curves: pd.DataFrame
+    tests: pd.DataFrame
+
+    def depths(self) -> pd.DataFrame:
+        """The budgets there are for each cell, the one that counts first.
+
+        That is the deepest, in control steps a run, of those with :data:`ENOUGH` seeds; without
+        one, the deepest.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row a cell (task, terrain, architecture, variant) and layer, with ``iterations``,
+            ``batch_steps``, ``steps`` and ``seeds``.
+        """
+        last = self.curves.groupby([*CELL, "layer", "seed"], as_index=False).agg(
+            iterations=("iteration", "max"), steps=("steps", "max"), first=("steps", "min")
+        )
+        # A batch overshoots what was asked for by less than an episode.
+        last["batch_steps"] = last["first"] // 1000 * 1000
+        found = last.groupby([*CELL, "layer"], as_index=False).agg(
+            iterations=("iterations", "max"),
+            batch_steps=("batch_steps", "min"),
+            seeds=("seed", "nunique"),
+        )
+        found["steps"] = found.iterations * found.batch_steps
+        found["enough"] = found.seeds >= ENOUGH
+        return found.sort_values(
+            [*CELL, "enough", "steps", "seeds"], ascending=[True] * 4 + [False] * 3
+        ).drop(columns="enough")
+
+    def deepest(self) -> pd.DataFrame:
+        """The budget that counts for each cell; columns as :meth:`depths`."""
+        return self.depths().drop_duplicates(CELL)
+
+    def learning(self) -> pd.DataFrame:
+        """Mean return over learning, the measure of table 5.2, by run at the budget that counts.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Columns of :data:`RUN_COLUMNS`, ``mean_return``, ``last_return`` (mean of the last five
+            iterations), ``iterations``, ``batch_steps``.
+        """
+        chosen = self._chosen(self.curves)
+        chosen = chosen.sort_values("iteration")
+        by = chosen.groupby([*CELL, "seed", "iterations", "batch_steps"]).mean_return
+        runs = by.agg(["mean", lambda r: r.tail(5).mean()])
+        return runs.set_axis(["mean_return", "last_return"], axis=1).reset_index()
+
+    def returns(self) -> pd.DataFrame:
+        """Mean return of each policy in each test, at the budget that counts.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Columns of :data:`TEST_COLUMNS` less ``run``, ``return`` (mean over its test runs),
+            ``iterations``, ``batch_steps``.
+        """
+        keys = ["seed", "condition", "correlation", "intervention", "iterations", "batch_steps"]
+        chosen = self._chosen(self.tests)
+        return chosen.groupby([*CELL, *keys], as_index=False)["return"].mean()
+
+    def _chosen(self, table: pd.DataFrame) -> pd.DataFrame:
+        budget = [*CELL, "layer", "iterations", "batch_steps"]
+        return table.merge(self.deepest()[budget], on=[*CELL, "layer"])
+
+
+def read_runs(folder: Path | str | None = None) -> Runs:
+    """Read the runs of a results store.
+
+    Parameters
+    ----------
+    folder
+        Of the store; default ``results/study`` of the checkout.  One that does not exist holds no
+        runs.
+
+    Raises
+    ------
+    ValueError
+        When a file lacks a column.
+    """
+    root = Path(folder) if folder else repository_root() / "results" / "study"
+    curves = _read(root, "curves", CURVE_COLUMNS)
+    tests = _read(root, "tests", TEST_COLUMNS)
+    longest = curves.groupby([*CELL, "layer"]).iteration.transform("max")
+    reached = curves.groupby([*CELL, "layer", "seed"]).iteration.transform("max")
+    return Runs(curves[reached == longest], tests)
+
+
+def _read(root: Path, name: str, columns: Mapping[str, str]) -> pd.DataFrame:
+    parts = [pd.DataFrame(columns=[*columns, "layer"])]
+    for path in sorted(root.glob(f"**/{name}.*")):
+        if path.suffix not in (".csv", ".parquet"):
+            continue
+        table = pd.read_csv(path) if path.suffix == ".csv" else pd.read_parquet(path)
+        if name == "tests":
+            missing = {"correlation": 0.0, "intervention": "none"}
+            table = table.assign(**{k: v for k, v in missing.items() if k not in table})
+        if lacking := [c for c in columns if c not in table]:
+            raise ValueError(
+                f"{path.name} of the layer {path.parent.name!r} lacks the columns "
+                f"{', '.join(lacking)}: make it again with `thesis sweep` or `thesis test`."
+            )
+        layer = str(path.parent.relative_to(root))
+        parts.append(table[list(columns)].assign(layer=layer))
+    return pd.concat([p for p in parts if len(p)] or parts, ignore_index=True)

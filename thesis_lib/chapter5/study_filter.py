@@ -1,0 +1,181 @@
+"""Study 1 (ours): is the CTRNN robust because it filters? (section 5.5.2)
+
+The thesis explains the CTRNN's scores by its being "stiff in time", a low-pass filter of white
+noise.  If that is so, its lead (a) shrinks as noise of the same variance becomes slow, (b) is
+closed by a first-order filter with its time constants in front of a net without, and (c) goes
+when its own time constants are fixed at the simulation step.  Each prediction asks for half.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from thesis_lib.arrays import FloatArray
+from thesis_lib.chapter5.contrasts import SMOKE, Config
+from thesis_lib.chapter5.runs import DEFAULT, Runs, read_runs
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.ledger import Finding, Verdict, criterion
+from thesis_lib.edition.plots import COLOURS
+
+ROBOT = "HalfCheetah"
+CORRELATIONS = (0, 3, 10, 30, 100)
+"""Correlation times of the noise in control steps, at equal variance."""
+
+ENOUGH_SEEDS = 8
+"""Seeds an arm from which on the study is judged; 16 are planned."""
+
+
+@dataclass(frozen=True)
+class Arm:
+    """Policies that are tested alike."""
+
+    architecture: str
+    variant: str = DEFAULT
+    intervention: str = "none"
+
+
+ARMS = {
+    "CTRNN": Arm("ctrnn"),
+    "DTRNN": Arm("dtrnn"),
+    "FFWD": Arm("ffwd"),
+    "DTRNN, filtered": Arm("dtrnn", intervention="input filter"),
+    "FFWD, filtered": Arm("ffwd", intervention="input filter"),
+    "CTRNN, fixed": Arm("ctrnn", variant="time_constant=step"),
+}
+"""Filtered: behind a first-order filter with the time constants the CTRNNs learned; fixed: time
+constants held at the simulation step."""
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What one policy keeps of its return under noise."""
+
+    arm: str
+    """Which kind of policy."""
+    correlation: float
+    """Correlation time of the noise in control steps."""
+    seed: int
+    """Seed of its training."""
+    base: float
+    """Mean return of its regular test."""
+    retained: float
+    """Mean return under noise as a share of that."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """One prediction of the filter hypothesis; above 0 it holds."""
+
+    name: str
+    """Which one."""
+    value: float
+    """By how much it holds, in shares of the return."""
+    low: float
+    """Lower end of its 95% bootstrap interval over seeds."""
+    high: float
+    """Upper end."""
+    seeds: int
+    """Fewest seeds of an arm behind it."""
+
+
+@experiment("ch5-filter-kept", item="Study 1", smoke=SMOKE, book=Config(), seconds=2)
+def kept(config: Config, context: Context) -> list[Kept]:
+    """Shares of the return kept under noise of one variance and five correlation times."""
+    return _kept(read_runs(config.store))
+
+
+def _kept(store: Runs) -> list[Kept]:
+    tests = store.returns()
+    tests = tests[(tests.task == ROBOT) & (tests.terrain == "flat")]
+    rows = []
+    for name, arm in ARMS.items():
+        own = tests[(tests.architecture == arm.architecture) & (tests.variant == arm.variant)]
+        own = own[own.intervention == arm.intervention]
+        base = own[own.condition == "base"].set_index("seed")["return"]
+        for r in own[own.condition == "noise"].to_dict("records"):
+            if base.get(r["seed"], 0.0) > 0:
+                regular = float(base[r["seed"]])
+                rows.append(Kept(name, r["correlation"], r["seed"], regular, r["return"] / regular))
+    return rows
+
+
+@experiment("ch5-filter", item="Study 1", smoke=SMOKE, book=Config(), seconds=3)
+def predictions(config: Config, context: Context) -> list[Prediction]:
+    """The filter hypothesis's predictions, with intervals over seeds."""
+    table = pd.DataFrame(_kept(read_runs(config.store)), columns=list(Kept.__annotations__))
+    rng = np.random.default_rng(context.seeds(1)[0])
+    by_arm = {
+        key: group.retained.to_numpy() for key, group in table.groupby(["arm", "correlation"])
+    }
+    seeds = min((len(v) for v in by_arm.values()), default=0)
+    needed = [(arm, 0) for arm in ARMS] + [(arm, CORRELATIONS[-1]) for arm in ("CTRNN", "DTRNN")]
+    if seeds < 2 or any(key not in by_arm for key in needed):
+        return []
+    mean = {key: v.mean() for key, v in by_arm.items()}
+    draws = {
+        key: v[rng.integers(len(v), size=(config.resamples, len(v)))].mean(axis=1)
+        for key, v in by_arm.items()
+    }
+    rows = []
+    values, resampled = _predicted(mean), _predicted(draws)
+    for name, value in values.items():
+        low, high = np.quantile(resampled[name], [0.025, 0.975])
+        rows.append(Prediction(name, float(value), float(low), float(high), seeds))
+    return rows
+
+
+def _predicted(kept_by: dict[tuple[str, float], FloatArray]) -> dict[str, FloatArray]:
+    """Each prediction from mean shares by arm and correlation, or from their resamples."""
+    slow = CORRELATIONS[-1]
+    lead = kept_by["CTRNN", 0] - kept_by["DTRNN", 0]
+    return {
+        "lead": lead,
+        "slow noise": lead / 2 - (kept_by["CTRNN", slow] - kept_by["DTRNN", slow]),
+        "filter": kept_by["DTRNN, filtered", 0] - kept_by["DTRNN", 0] - lead / 2,
+        "fixed": kept_by["CTRNN", 0] - kept_by["CTRNN, fixed", 0] - lead / 2,
+    }
+
+
+@criterion("5.5.2-ctrnn-filters", predictions)
+def because_it_filters(table: pd.DataFrame) -> Finding:
+    """The predictions, if there is a lead to explain."""
+    if table.empty:
+        return Finding(Verdict.NOT_RUN, "Its arms have not been trained and tested yet.")
+    by = table.set_index("name")
+    told = "; ".join(
+        f"{r.Index} {r.value:+.3f} [{r.low:.3f}, {r.high:.3f}]" for r in by.itertuples()
+    )
+    evidence = f"By how much each holds ({by.seeds.min()} seeds an arm, share of return): {told}."
+    if by.seeds.min() < ENOUGH_SEEDS:
+        return Finding(Verdict.INCONCLUSIVE, evidence)
+    rest = by.drop(index="lead")
+    holds, fails = rest.low > 0, rest.high < 0
+    if by.low["lead"] <= 0:
+        verdict = Verdict.NOT_REPRODUCED
+    elif holds.all():
+        verdict = Verdict.REPRODUCED
+    elif fails["filter"] and fails["fixed"]:
+        verdict = Verdict.REFUTED
+    else:
+        verdict = Verdict.DIRECTION if not fails.any() and holds.any() else Verdict.NOT_REPRODUCED
+    return Finding(verdict, evidence)
+
+
+def draw(table: pd.DataFrame) -> Figure:
+    """Shares kept over the correlation time of the noise, by arm; table of :data:`kept`."""
+    fig, ax = plt.subplots()
+    for (arm, own), colour in zip(table.groupby("arm", sort=False), COLOURS, strict=False):
+        at = own.groupby("correlation").retained
+        mean, error = at.mean(), at.sem()
+        ax.errorbar(mean.index, mean, 2 * error, marker="o", color=colour, label=arm)
+    ax.set_xscale("symlog", linthresh=3)
+    ax.set_xlabel("correlation time of the noise, control steps")
+    ax.set_ylabel("share of the return kept")
+    if not table.empty:
+        ax.legend()
+    return fig

@@ -1,0 +1,184 @@
+"""Study 2 (ours): what does training on hills do? (sections 5.5.2 and 5.7)
+
+The thesis says that it gives RNNs, not FNNs, an incentive to maintain internal state.  Then the
+logarithm of the share they keep rises more for RNNs than for FNNs; and policies trained on hills
+lose more of their return than flat-trained ones if their memory is zeroed at every step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy.stats import ttest_1samp
+
+from thesis_lib.arrays import FloatArray
+from thesis_lib.chapter5 import cells
+from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS, Cells
+from thesis_lib.chapter5.contrasts import SMOKE, Config
+from thesis_lib.chapter5.judging import Evidence, both
+from thesis_lib.chapter5.runs import CELL, DEFAULT, ENOUGH, PRINTED_STEPS, Runs, read_runs
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.ledger import Verdict
+from thesis_lib.robustness import PERTURBATIONS, TRAINED_ON, retained
+
+FLOOR = 0.01
+"""A policy that keeps less of its return counts as keeping this much: logarithms need it."""
+
+INTERVENTIONS = ("no memory", "no previous action")
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One difference that training on hills makes, on a logarithmic scale."""
+
+    source: str
+    """Printed or ours."""
+    name: str
+    """Noise or switch: rise of the share kept, RNNs less FNNs.  No memory or no previous action:
+    loss of the regular return without it, hill-trained less flat-trained RNNs."""
+    value: float
+    """Mean over robots of the difference of logarithms."""
+    low: float
+    """Lower end of its 95% bootstrap interval over runs."""
+    high: float
+    """Upper end."""
+    p_tasks: float
+    """t-test with robots as the unit."""
+    robots: int
+    """Robots behind it."""
+    units: int
+    """Fewest runs behind it."""
+    printed_budget: bool
+    """Whether all learned for as many steps as the thesis's."""
+
+
+@experiment("ch5-hills", item="Study 2", smoke=SMOKE, book=Config(), seconds=4)
+def effects(config: Config, context: Context) -> list[Effect]:
+    """Differences of differences by training on hills, printed and ours."""
+    a, b, c = (np.random.default_rng(s) for s in context.seeds(3))
+    store = read_runs(config.store)
+    printed = cells.printed(tuple(cells.TESTED.values()), a, config.resamples)
+    ours = cells.from_tests(store, b, config.resamples)
+    return [*_rises(printed), *_rises(ours), *_losses(store, c, config.resamples)]
+
+
+def _rises(made: Cells) -> Iterator[Effect]:
+    mean, draws = _rise(made.mean), _rise(made.draws)
+    for j, perturbation in enumerate(PERTURBATIONS):
+        there = np.isfinite(mean[j])
+        if there.any():
+            units = int(made.units[:, there].min())
+            budget = bool(made.printed_budget[:, there].all())
+            yield _effect(
+                made.source, perturbation, mean[j, there], draws[:, j, there], units, budget
+            )
+
+
+def _rise(returns: FloatArray) -> FloatArray:
+    """Rise of the log share kept, RNNs less FNNs, shape ``(..., 2, robots)``."""
+    logs = np.log(np.maximum(retained(returns), FLOOR))
+    rise = logs[..., 1, :, :, :] - logs[..., 0, :, :, :]
+    weights = np.where(np.isin(NETS, GROUPS["RNNs"]), 1 / 5, -1 / 2)
+    found: FloatArray = rise @ weights
+    return found
+
+
+def _losses(store: Runs, rng: np.random.Generator, n: int) -> Iterator[Effect]:
+    """Log loss of the regular return by an intervention, hill-trained less flat-trained."""
+    tests = store.returns()
+    tests = tests[(tests.condition == "base") & (tests.variant == DEFAULT)]
+    keys = [*CELL, "seed", "iterations", "batch_steps"]
+    wide = tests.pivot_table(index=keys, columns="intervention", values="return").reset_index()
+    wide = wide[wide.architecture.str.upper().isin(GROUPS["RNNs"])]
+    for name in INTERVENTIONS:
+        if name not in wide or "none" not in wide:
+            continue
+        own = wide[(wide["none"] > 0) & wide[name].notna()]
+        own = own.assign(loss=-np.log(np.maximum(own[name] / own["none"], FLOOR)))
+        by = own.groupby(["task", "architecture", "terrain"]).loss
+        samples = {key: loss.to_numpy() for key, loss in by}
+        nets = [
+            (r, a) for r, a, ground in samples if ground == "hill" and (r, a, "flat") in samples
+        ]
+        robots = [robot for robot in ROBOTS if any(r == robot for r, _ in nets)]
+        if not robots:
+            continue
+        mean = {key: np.array([loss.mean()]) for key, loss in samples.items()}
+        drawn = {
+            key: loss[rng.integers(len(loss), size=(n, len(loss)))].mean(axis=1)
+            for key, loss in samples.items()
+        }
+        units = min(len(samples[r, a, ground]) for r, a in nets for ground in TRAINED_ON)
+        deep = bool((own.iterations * own.batch_steps >= PRINTED_STEPS).all())
+        value, draws = (_by_robot(losses, nets, robots) for losses in (mean, drawn))
+        yield _effect("ours", name, value[0], draws, units, deep)
+
+
+def _by_robot(
+    losses: Mapping[tuple[str, str, str], FloatArray],
+    nets: Sequence[tuple[str, str]],
+    robots: Sequence[str],
+) -> FloatArray:
+    """Hill-trained less flat-trained, mean over each robot's nets, shape ``(n, robots)``."""
+    return np.stack(
+        [
+            np.mean(
+                [losses[r, a, "hill"] - losses[r, a, "flat"] for r, a in nets if r == robot],
+                axis=0,
+            )
+            for robot in robots
+        ],
+        axis=1,
+    )
+
+
+def _effect(
+    source: str, name: str, by_robot: FloatArray, draws: FloatArray, units: int, deep: bool
+) -> Effect:
+    over = draws.mean(axis=1)
+    known = units >= ENOUGH
+    low, high = np.nanquantile(over, [0.025, 0.975]) if known else (np.nan, np.nan)
+    return Effect(
+        source,
+        name,
+        float(by_robot.mean()),
+        float(low),
+        float(high),
+        float(ttest_1samp(by_robot, 0).pvalue) if len(by_robot) > 1 else np.nan,
+        len(by_robot),
+        units,
+        deep,
+    )
+
+
+def _above_zero(table: pd.DataFrame, source: str, name: str, what: str) -> Evidence | None:
+    rows = table[(table.source == source) & (table.name == name)]
+    if rows.empty:
+        return None
+    row = rows.iloc[0]
+    if row.low > 0:
+        verdict = Verdict.REPRODUCED
+    elif row.high < 0:
+        verdict = Verdict.REFUTED
+    else:
+        verdict = Verdict.DIRECTION if row.value > 0 else Verdict.NOT_REPRODUCED
+    sentence = (
+        f"{what} {row.value:+.2f} [{row.low:.2f}, {row.high:.2f}] on a logarithmic scale; with the "
+        f"{row.robots} robots as the unit p = {row.p_tasks:.2g}."
+    )
+    return Evidence(verdict, sentence, int(row.units), int(row.robots), bool(row.printed_budget))
+
+
+@both("5.7-pomdp-transfer", effects)
+def transfers(source: str, table: pd.DataFrame) -> Evidence | None:
+    """Rise of the share kept under noise, RNNs less FNNs."""
+    return _above_zero(table, source, "noise", "the share kept rises more for RNNs by")
+
+
+@both("6.1-incentive", effects)
+def memory_matters(source: str, table: pd.DataFrame) -> Evidence | None:
+    """Loss without memory, hill-trained less flat-trained RNNs."""
+    return _above_zero(table, source, "no memory", "without memory hill-trained RNNs lose more by")

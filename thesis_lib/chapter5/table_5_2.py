@@ -1,0 +1,230 @@
+"""Table 5.2: mean return per learning iteration (section 5.5.1), and what the text says of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from scipy.stats import binomtest, ttest_1samp
+
+from thesis_lib.chapter5.cell_table import (
+    Cell,
+    beside,
+    best_against_best,
+    column,
+    evidence,
+    run,
+    several_runs,
+    summary,
+    wide,
+)
+from thesis_lib.chapter5.cells import GROUPS, LEARNING_RUNS, NETS
+from thesis_lib.chapter5.contrasts import Config, comparisons
+from thesis_lib.chapter5.judging import ALPHA, Evidence, ahead, both, difference, leads, pick
+from thesis_lib.chapter5.runs import ENOUGH, read_runs
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.ledger import Finding, Verdict, criterion
+from thesis_lib.stats import combined, welch
+
+
+@experiment("table-5.2", item="Table 5.2", smoke=Config(), book=Config(), seconds=2)
+def entries(config: Config, context: Context) -> list[Cell]:
+    """Mean return per learning iteration, printed and ours, by robot, ground and net."""
+    runs = read_runs(config.store).learning().rename(columns={"mean_return": "value"})
+    return beside("table-5.2", runs, LEARNING_RUNS)
+
+
+fnn_fastest = leads("5.5.1-fnn-fastest", "learning", "all", ["FNNs"], ["RNNs"])
+dffwd_best = leads("6.1-dffwd-best", "learning", "all", ["DFFWD"], NETS)
+dtrnn_best = leads("5.5.1-dtrnn-best-rnn", "learning", "all", ["DTRNN"], GROUPS["RNNs"])
+vanilla = leads("5.5.1-vanilla-over-gated", "learning", "all", ["vanilla RNNs"], ["gated RNNs"])
+
+
+@both("6.1-ffwd-close-second", comparisons)
+def ffwd_second(source: str, table: pd.DataFrame) -> Evidence | None:
+    """FFWD ahead of every RNN, and nearer to DFFWD than to the best of them."""
+    found = ahead(table, source, "learning", "all", ["FFWD"], GROUPS["RNNs"])
+    if found is None:
+        return None
+    rows = pick(table, source, "learning", "all")
+    deep = rows[(rows["first"] == "DFFWD") & (rows.second == "FFWD")].iloc[0]
+    over = rows[(rows["first"] == "FFWD") & rows.second.isin(GROUPS["RNNs"])].difference.min()
+    near = abs(deep.difference) < over
+    verdict = found.verdict
+    if not near and verdict is Verdict.REPRODUCED:
+        verdict = Verdict.DIRECTION
+    sentence = f"{found.sentence} DFFWD less FFWD {difference(deep)}."
+    return Evidence(verdict, sentence, found.units, found.tasks, found.printed_budget)
+
+
+@both("5.5.1-esn-underperforms", entries)
+def esn_below(source: str, table: pd.DataFrame) -> Evidence | None:
+    """ESN less the mean of the other nets, by row, in shares; the ant's runs were cut short."""
+    table = table[table.robot != "Ant"]
+    if not run(table, source):
+        return None
+    by = wide(table, column(source)[0])
+    by = by.div(by.max(axis=1), axis=0)
+    gap = by.ESN - by.drop(columns="ESN").mean(axis=1)
+    p = float(ttest_1samp(gap, 0).pvalue)
+    rank = by.rank(axis=1, ascending=False).ESN.mean()
+    if 2 * (gap < 0).sum() <= len(gap):
+        verdict = Verdict.NOT_REPRODUCED
+    else:
+        verdict = Verdict.REPRODUCED if p < ALPHA else Verdict.DIRECTION
+    return evidence(
+        table,
+        source,
+        verdict,
+        f"the ESN is below the mean of the other nets on {(gap < 0).sum()} of {len(gap)} rows (the "
+        f"ant's, which were not completed, left out; p = {p:.2g} over rows), mean rank {rank:.1f} "
+        f"of {len(NETS)}.",
+    )
+
+
+@both("5.5.1-hopper-hard", entries)
+def hopper_hard(source: str, table: pd.DataFrame) -> Evidence | None:
+    """Best FNN over best RNN, by robot on the flat."""
+    table = table[table.trained_on == "flat"]
+    if not run(table, source):
+        return None
+    by = wide(table, column(source)[0]).droplevel("trained_on")
+    ratio = by[list(GROUPS["FNNs"])].max(axis=1) / by[list(GROUPS["RNNs"])].max(axis=1)
+    told = ", ".join(f"{robot} {value:.2f}" for robot, value in ratio.items())
+    verdict, p = Verdict.NOT_REPRODUCED, ""
+    if ratio.idxmax() == "Hopper" and several_runs(table, source):
+        hopper = table[table.robot == "Hopper"]
+        test = best_against_best(hopper, source, LEARNING_RUNS)
+        sure = test.difference < 0 and test.p_value < ALPHA
+        verdict = Verdict.REPRODUCED if sure else Verdict.DIRECTION
+        p = f"; on the Hopper the two differ with p = {test.p_value:.2g}"
+    return evidence(table, source, verdict, f"best FNN over best RNN on the flat: {told}{p}.")
+
+
+@both("5.5.1-hopper-vanilla", entries)
+def hopper_vanilla(source: str, table: pd.DataFrame) -> Evidence | None:
+    """CTRNN and DTRNN against ESN, GRU and LSTM on the flat hopper, by Welch."""
+    table = table[(table.trained_on == "flat") & (table.robot == "Hopper")].set_index("net")
+    if not run(table, source):
+        return None
+    value = column(source)[0]
+    known = several_runs(table, source)
+    summaries = {
+        net: summary(table.loc[net], source, LEARNING_RUNS) for net in GROUPS["RNNs"] if known
+    }
+    tests = [
+        welch(summaries[vanilla], summaries[other])
+        for vanilla in GROUPS["vanilla RNNs"]
+        for other in ("ESN", "GRU", "LSTM")
+        if known
+    ]
+    significant = [t.difference > 0 and t.p_value < ALPHA for t in tests]
+    above = [t.difference > 0 for t in tests]
+    if significant and all(significant):
+        verdict = Verdict.REPRODUCED
+    else:
+        verdict = Verdict.DIRECTION if above and all(above) else Verdict.NOT_REPRODUCED
+    told = ", ".join(f"{net} {table.loc[net, value]:.0f}" for net in GROUPS["RNNs"])
+    sentence = (
+        f"mean returns {told}; {sum(significant)} of {len(tests)} differences between a vanilla "
+        "and another net significant (Welch)."
+    )
+    return evidence(table, source, verdict, sentence)
+
+
+@both("table-5.2-bold", entries)
+def bold(source: str, table: pd.DataFrame) -> Evidence | None:
+    """Rows led by one net alone."""
+    if not run(table, source):
+        return None
+    lead = wide(table, column(source)[2])
+    alone = lead.sum(axis=1) == 1
+    some = (lead.sum(axis=1) < len(NETS)).sum()
+    groups = "; ".join(
+        f"{robot} {ground}: {', '.join(lead.columns[row])}"
+        for (ground, robot), row in lead.iterrows()
+        if row.sum() <= 2
+    )
+    if alone.any():
+        verdict = Verdict.REPRODUCED
+    else:
+        verdict = Verdict.DIRECTION if some else Verdict.NOT_REPRODUCED
+    sentence = (
+        f"one net is significantly better than all others on {alone.sum()} of {len(lead)} rows; "
+        f"on {some} a leading group is better than some. Led by one or two: {groups or 'none'}."
+    )
+    return evidence(table, source, verdict, sentence)
+
+
+def _spread(table: pd.DataFrame, source: str) -> tuple[pd.Series, pd.Series]:
+    """Mean standard error and mean relative one by row, RNNs over FNNs; incomplete runs out."""
+    value, error, _ = column(source)
+    table = table[(table.net != "ESN") | (table.robot != "Ant")]
+    kind = table.net.isin(GROUPS["FNNs"]).map({True: "FNNs", False: "RNNs"})
+    rows = [table.trained_on, table.robot, kind]
+    absolute = table[error].groupby(rows).mean().unstack()
+    relative = (table[error] / table[value]).groupby(rows).mean().unstack()
+    return absolute, relative
+
+
+@both("5.5.2-rnn-vary", entries)
+def rnn_vary(source: str, table: pd.DataFrame) -> Evidence | None:
+    """Standard errors over learning runs, RNNs against FNNs, rows in pairs."""
+    if not several_runs(table, source):
+        return None
+    told, sure, larger = [], [], []
+    for name, part in zip(("itself", "relation to the mean"), _spread(table, source), strict=True):
+        ratio = np.log(part.RNNs / part.FNNs)
+        p = float(ttest_1samp(ratio, 0).pvalue)
+        larger.append(ratio.mean() > 0)
+        sure.append(ratio.mean() > 0 and p < ALPHA)
+        told.append(f"in {name} {np.exp(ratio.mean()):.2f} times that of FNNs (p = {p:.2g})")
+    if all(sure):
+        verdict = Verdict.REPRODUCED
+    else:
+        verdict = Verdict.DIRECTION if any(larger) else Verdict.NOT_REPRODUCED
+    sentence = f"RNNs' standard error over learning runs is {' and '.join(told)}."
+    return evidence(table, source, verdict, sentence)
+
+
+@both("6.1-fnn-stable", entries)
+def fnn_stable(source: str, table: pd.DataFrame) -> Evidence | None:
+    """Rows on which FNNs vary less between learning runs, as a share of their mean."""
+    if not several_runs(table, source):
+        return None
+    _, relative = _spread(table, source)
+    less = relative.FNNs < relative.RNNs
+    p = float(binomtest(int(less.sum()), len(less)).pvalue)
+    if 2 * less.sum() <= len(less):
+        verdict = Verdict.NOT_REPRODUCED
+    else:
+        verdict = Verdict.REPRODUCED if p < ALPHA else Verdict.DIRECTION
+    sentence = (
+        f"their relative standard error is lower on {less.sum()} of {len(less)} rows (sign test "
+        f"p = {p:.2g})."
+    )
+    return evidence(table, source, verdict, sentence)
+
+
+@criterion("table-5.2-means", entries)
+def means(table: pd.DataFrame) -> Finding:
+    """Printed means against ours, where ours ran for as long."""
+    there = table[table.printed_budget & (table.seeds >= ENOUGH)]
+    if there.empty:
+        missing = (table.seeds == 0).sum()
+        return Finding(
+            Verdict.NOT_RUN if missing == len(table) else Verdict.INCONCLUSIVE,
+            f"No cell has {ENOUGH} seeds at the printed budget yet; {missing} of {len(table)} have "
+            "not been run at all.",
+        )
+    inside = (there.low <= there.printed) & (there.printed <= there.high)
+    total, p = combined(there.p_printed)
+    if p >= ALPHA:
+        verdict = Verdict.REPRODUCED
+    else:
+        verdict = Verdict.DIRECTION if inside.mean() >= 0.5 else Verdict.NOT_REPRODUCED
+    return Finding(
+        verdict,
+        f"{inside.sum()} of {len(there)} printed means at the printed budget lie inside our 95% "
+        f"interval over seeds; all together chi-square {total:.1f} on {len(there)} degrees of "
+        f"freedom, p = {p:.2g}.",
+    )

@@ -1,0 +1,330 @@
+"""Table 5.6 (captioned Figure 5.6): what training on hills improves (section 5.5.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from scipy.stats import ttest_1samp
+
+from thesis_lib import published
+from thesis_lib.arrays import FloatArray
+from thesis_lib.chapter5 import cells
+from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS, TESTED, Cells
+from thesis_lib.chapter5.contrasts import SMOKE, Config
+from thesis_lib.chapter5.judging import ALPHA, Evidence, both, together
+from thesis_lib.chapter5.runs import ENOUGH, read_runs
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.ledger import Finding, Verdict, criterion
+from thesis_lib.edition.plots import COLOURS, PRINTED
+from thesis_lib.robustness import PERTURBATIONS, improvement, ratio_of_drops, retained
+
+ROUNDING = 0.05
+"""Bounds of a bootstrap of 1,000 resamples that differ by less count as the same."""
+
+PRINTED_NAME = {"noise": "noise", "switch": "hill"}
+"""How table 5.6 names the perturbations."""
+
+RETAINED = "mean ratio of retained shares"
+DROPS = "mean ratio of drops"
+
+
+def _ratio_of_means(returns: FloatArray) -> FloatArray:
+    """Ratio of the mean retained shares, hill-trained over flat-trained, ``(..., 2, nets)``."""
+    kept = retained(returns).mean(axis=-2)
+    ratio: FloatArray = kept[..., 1, :, :] / kept[..., 0, :, :]
+    return ratio
+
+
+FORMULAS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
+    RETAINED: lambda returns: improvement(returns).mean(axis=-2),
+    DROPS: lambda returns: ratio_of_drops(returns).mean(axis=-2),
+    "ratio of mean retained shares": _ratio_of_means,
+}
+"""What table 5.6 may have printed, from returns to shape ``(..., 2, nets)``."""
+
+ERROR_FACTORS = (1.0, 2.0)
+"""What printed standard errors are multiplied by: 2 is a bootstrap over 5 runs, not 20."""
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """One improvement ratio with its interval."""
+
+    source: str
+    """Printed (rebuilt from tables C.1 to C.3) or ours."""
+    perturbation: str
+    """Noise or switch."""
+    net: str
+    """Net."""
+    formula: str
+    """How the ratio is formed."""
+    error_factor: float
+    """What the standard errors were multiplied by."""
+    value: float
+    """The ratio; above 1 a net keeps more if it was trained on hills."""
+    low: float
+    """2.5th percentile over resampled runs."""
+    high: float
+    """97.5th percentile."""
+    printed_low: float
+    """Printed 2.5th percentile."""
+    printed_high: float
+    """Printed 97.5th percentile."""
+    least_robot: str
+    """Robot on which it is least."""
+    least: float
+    """The ratio there."""
+    p_tasks: float
+    """Paired t-test over tasks that the logarithm of the ratio of retained shares is 0."""
+    tasks: int
+    """Robots with this net trained on both grounds."""
+    units: int
+    """Fewest runs behind it."""
+    printed_budget: bool
+    """Whether all learned for as many steps as the thesis's."""
+
+
+@experiment("table-5.6", item="Table 5.6", smoke=SMOKE, book=Config(), seconds=6)
+def ratios(config: Config, context: Context) -> list[Ratio]:
+    """Improvement ratios by training on hills: printed bounds, rebuilt ones, and ours."""
+    seeds = context.seeds(2)
+    rows: list[Ratio] = []
+    for factor in ERROR_FACTORS:
+        # The same deviates for both: only the factor differs.
+        rng = np.random.default_rng(seeds[0])
+        made = cells.printed(tuple(TESTED.values()), rng, config.resamples, factor)
+        for formula in FORMULAS:
+            rows += _ratios(made, formula, factor)
+    rng = np.random.default_rng(seeds[1])
+    ours = cells.from_tests(read_runs(config.store), rng, config.resamples)
+    return [*rows, *_ratios(ours, RETAINED, 1.0)]
+
+
+def _ratios(made: Cells, formula: str, factor: float) -> Iterator[Ratio]:
+    told = published.load("table-5.6").set_index(["perturbation", "architecture"])
+    by_robot = improvement(made.mean)
+    for m, net in enumerate(NETS):
+        there = np.isfinite(by_robot[:, :, m]).all(axis=0)
+        if not there.any():
+            continue
+        mean = made.mean[..., there, m : m + 1]
+        draws = made.draws[..., there, m : m + 1]
+        value, drawn = FORMULAS[formula](mean), FORMULAS[formula](draws)
+        units = int(made.units[:, there, m].min())
+        for j, perturbation in enumerate(PERTURBATIONS):
+            ratio = by_robot[j, there, m]
+            robots = np.array(ROBOTS)[there]
+            logs = np.log(ratio[ratio > 0])
+            known = units >= ENOUGH
+            low, high = np.nanquantile(drawn[:, j, 0], [0.025, 0.975]) if known else (np.nan,) * 2
+            bounds = told.loc[(PRINTED_NAME[perturbation], net)]
+            yield Ratio(
+                made.source,
+                perturbation,
+                net,
+                formula,
+                factor,
+                value=float(value[j, 0]),
+                low=float(low),
+                high=float(high),
+                printed_low=bounds.low,
+                printed_high=bounds.high,
+                least_robot=str(robots[ratio.argmin()]),
+                least=float(ratio.min()),
+                p_tasks=float(ttest_1samp(logs, 0).pvalue) if len(logs) > 2 else np.nan,
+                tasks=int(there.sum()),
+                units=units,
+                printed_budget=bool(made.printed_budget[:, there, m].all()),
+            )
+
+
+def _rows(table: pd.DataFrame, source: str, perturbation: str) -> pd.DataFrame:
+    """Rows by net; the bounds are the printed ones, or those of our runs."""
+    at = (table.source == source) & (table.perturbation == perturbation)
+    rows = table[at & (table.formula == RETAINED) & (table.error_factor == 1.0)].set_index("net")
+    if source == "printed":
+        return rows.assign(low=rows.printed_low, high=rows.printed_high)
+    return rows
+
+
+def _evidence(rows: pd.DataFrame, verdict: Verdict, sentence: str) -> Evidence:
+    return Evidence(
+        verdict,
+        sentence,
+        int(rows.units.min()),
+        int(rows.tasks.min()),
+        bool(rows.printed_budget.all()),
+    )
+
+
+def _bounds(rows: pd.DataFrame) -> str:
+    told = ", ".join(f"{r.Index} {r.low:.2f} to {r.high:.2f}" for r in rows.itertuples())
+    few = rows[rows.p_tasks < ALPHA]
+    return (
+        f"{told}; with tasks as the unit p < {ALPHA:g} for "
+        f"{' and '.join(few.index) if len(few) else 'none'}"
+    )
+
+
+def improves(table: pd.DataFrame, source: str, perturbation: str) -> Evidence | None:
+    """Whether hill training helps each RNN: intervals above 1."""
+    rows = _rows(table, source, perturbation).reindex(list(GROUPS["RNNs"]))
+    if rows.value.isna().any():
+        return None
+    if (rows.high < 1).any():
+        verdict = Verdict.REFUTED
+    elif (rows.low > 1).all():
+        verdict = Verdict.REPRODUCED
+    else:
+        verdict = Verdict.DIRECTION if (rows.value > 1).all() else Verdict.NOT_REPRODUCED
+    return _evidence(rows, verdict, f"{_bounds(rows)}.")
+
+
+def leaves(table: pd.DataFrame, source: str, perturbation: str) -> Evidence | None:
+    """Whether hill training has no effect on FNNs: intervals around 1; a loss is direction only."""
+    rows = _rows(table, source, perturbation).reindex(list(GROUPS["FNNs"]))
+    if rows.value.isna().any():
+        return None
+    if (rows.low > 1).any():
+        verdict = Verdict.REFUTED
+    else:
+        verdict = Verdict.REPRODUCED if (rows.high >= 1).all() else Verdict.DIRECTION
+    return _evidence(rows, verdict, f"{_bounds(rows)}.")
+
+
+def not_helped(table: pd.DataFrame, source: str, perturbation: str) -> Evidence | None:
+    """Whether hill training helps no FNN: no interval above 1."""
+    rows = _rows(table, source, perturbation).reindex(list(GROUPS["FNNs"]))
+    if rows.value.isna().any():
+        return None
+    verdict = Verdict.REFUTED if (rows.low > 1).any() else Verdict.REPRODUCED
+    return _evidence(rows, verdict, f"{_bounds(rows)}.")
+
+
+@both("5.5.2-hill-helps-rnns", ratios)
+def helps_rnns(source: str, table: pd.DataFrame) -> Evidence | None:
+    """Under noise, RNNs."""
+    return improves(table, source, "noise")
+
+
+@both("5.5.2-hill-not-fnns", ratios)
+def not_fnns(source: str, table: pd.DataFrame) -> Evidence | None:
+    """Under noise, FNNs."""
+    return leaves(table, source, "noise")
+
+
+@both("5.5.2-hill-on-switch", ratios)
+def on_switch(source: str, table: pd.DataFrame) -> Evidence | None:
+    """Under the switch, both."""
+    return together([improves(table, source, "switch"), leaves(table, source, "switch")])
+
+
+@both("1.4-hill-rnn-not-fnn", ratios)
+def rnn_not_fnn_under_noise(source: str, table: pd.DataFrame) -> Evidence | None:
+    """Under noise, both."""
+    return together([improves(table, source, "noise"), not_helped(table, source, "noise")])
+
+
+@both("6-hill-rnn-not-fnn", ratios)
+def rnn_not_fnn(source: str, table: pd.DataFrame) -> Evidence | None:
+    """Under either perturbation, both."""
+    return together(
+        [part(table, source, what) for what in PERTURBATIONS for part in (improves, not_helped)]
+    )
+
+
+@both("5.5.2-esn-improves-least", ratios)
+def esn_improves_least(source: str, table: pd.DataFrame) -> Evidence | None:
+    """The ESN's ratio under noise against the other RNNs'."""
+    rows = _rows(table, source, "noise").reindex(list(GROUPS["RNNs"]))
+    if rows.value.isna().any():
+        return None
+    esn, others = rows.loc["ESN"], rows.drop(index="ESN")
+    if esn.value > others.value.min():
+        verdict = Verdict.NOT_REPRODUCED
+    else:
+        verdict = Verdict.REPRODUCED if esn.high < others.low.min() else Verdict.DIRECTION
+    return _evidence(
+        rows,
+        verdict,
+        f"ESN {esn.low:.2f} to {esn.high:.2f}, the next {others.value.idxmin()} "
+        f"{others.loc[others.value.idxmin()].low:.2f} to "
+        f"{others.loc[others.value.idxmin()].high:.2f}.",
+    )
+
+
+@both("5.5.2-hill-helps-gated", ratios)
+def helps_gated(source: str, table: pd.DataFrame) -> Evidence | None:
+    """The gated nets' ratios under noise."""
+    rows = _rows(table, source, "noise").reindex(list(GROUPS["gated RNNs"]))
+    if rows.value.isna().any():
+        return None
+    verdict = Verdict.REPRODUCED if (rows.low > 1).all() else Verdict.NOT_REPRODUCED
+    return _evidence(rows, verdict, f"{_bounds(rows)}.")
+
+
+@both("ch5-hill-every-robot", ratios)
+def helps_on_every_robot(source: str, table: pd.DataFrame) -> Evidence | None:
+    """The least ratio of each RNN under the switch, and the robot it is on."""
+    rows = _rows(table, source, "switch").reindex(list(GROUPS["RNNs"]))
+    if rows.value.isna().any():
+        return None
+    worse = rows.least < 1
+    verdict = Verdict.REFUTED if worse.all() else Verdict.NOT_REPRODUCED
+    told = ", ".join(f"{r.Index} {r.least_robot} {r.least:.2f}" for r in rows.itertuples())
+    return _evidence(
+        rows, Verdict.REPRODUCED if not worse.any() else verdict, f"the least ratio: {told}."
+    )
+
+
+@criterion("table-5.6-drops", ratios)
+def ratio_of_the_drops(table: pd.DataFrame) -> Finding:
+    """How many printed bounds each formula meets, with standard errors as printed and doubled."""
+    rows = table[table.source == "printed"].copy()
+    near = ((rows.low - rows.printed_low).abs() < ROUNDING).astype(int)
+    rows["met"] = near + ((rows.high - rows.printed_high).abs() < ROUNDING)
+    rows["inside"] = (rows.printed_low <= rows.value) & (rows.value <= rows.printed_high)
+    met = rows.groupby(["formula", "error_factor"]).met.sum()
+    inside = rows[rows.error_factor == 1].groupby("formula").inside.sum()
+    count = len(rows[(rows.formula == DROPS) & (rows.error_factor == 1)])
+    told = "; ".join(
+        f"{formula}: {inside[formula]} of {count} centres inside the printed bounds, "
+        f"{met[formula, 1.0]} of {2 * count} bounds met with the printed standard errors and "
+        f"{met[formula, 2.0]} with twice these"
+        for formula in FORMULAS
+    )
+    drops = inside[DROPS] == count
+    return Finding(
+        Verdict.REPRODUCED if drops else Verdict.REFUTED,
+        f"Rebuilt from tables C.1 to C.3: {told} (within {ROUNDING:g}).",
+        {"bounds met": float(met.max())},
+    )
+
+
+def draw(table: pd.DataFrame) -> Figure:
+    """Printed bounds of table 5.6, those rebuilt from the printed tables, and ours."""
+    fig, axes = plt.subplots(1, 2, figsize=(7.2, 3.6), sharey=True)
+    places = np.arange(len(NETS))
+    rebuilt = table[(table.source == "printed") & (table.formula == RETAINED)]
+    shown = {
+        "printed": (rebuilt[rebuilt.error_factor == 1], "printed_low", "printed_high", PRINTED),
+        "rebuilt": (rebuilt[rebuilt.error_factor == 2], "low", "high", COLOURS[0]),
+        "ours": (table[table.source == "ours"], "low", "high", COLOURS[1]),
+    }
+    for ax, what in zip(axes, PERTURBATIONS, strict=True):
+        for shift, (label, (rows, low, high, colour)) in zip(
+            (-0.2, 0.0, 0.2), shown.items(), strict=True
+        ):
+            own = rows[rows.perturbation == what].set_index("net").reindex(list(NETS))
+            ax.vlines(places + shift, own[low], own[high], color=colour, lw=4, label=label)
+        ax.axhline(1, color="grey", lw=0.8)
+        ax.set_xticks(places, NETS, rotation=45)
+        ax.set_title(what)
+    axes[0].set_ylabel("improvement ratio")
+    fig.legend(*axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=3)
+    return fig
