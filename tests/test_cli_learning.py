@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +16,14 @@ import pytest
 import torch
 from PIL import Image
 
-from thesis_lib import cli
+from thesis_lib import cli, cli_training
 from thesis_lib.edition.experiment import load
 from thesis_lib.locomotion.rendering import NoGL, choose_backend
 from thesis_lib.training.checkpoint import FILES, read_checkpoint
 from thesis_lib.training.evaluation import EvaluateConfig, evaluate
 from thesis_lib.training.run import TIMING_COLUMNS, Training
 from thesis_lib.training.train import use_one_thread
+from thesis_lib.training.trained import Trained, read_trained
 
 SMALL = ["--task", "half-cheetah", "--batch-steps", "100", "--horizon", "50"]
 
@@ -39,18 +41,42 @@ def checkpoint(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def started(folder: Path, *arguments: str) -> subprocess.Popen:
-    """A training in a process of its own, some iterations after it began."""
-    command = [sys.executable, "-m", "thesis_lib.cli", "train", *SMALL, *arguments]
-    process = subprocess.Popen(
-        [*command, "--out", str(folder)], stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
-    record, deadline = folder / "run.json", time.monotonic() + 120
-    while time.monotonic() < deadline and process.poll() is None:
-        if record.exists() and json.loads(record.read_text())["iteration"] >= 4:
-            return process
-        time.sleep(0.01)
-    raise AssertionError("the training did not come to its fourth iteration")
+Started = Callable[..., subprocess.Popen]
+
+
+def attentive() -> None:
+    """Heed Ctrl-C, which a shell that starts tests in the background has them ignore."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+@pytest.fixture
+def started() -> Iterator[Started]:
+    """Begin a training in a process of its own, and go on some iterations later."""
+    running: list[subprocess.Popen] = []
+
+    def start(
+        folder: Path, *arguments: str, setting: Callable[[], None] = attentive
+    ) -> subprocess.Popen:
+        command = [sys.executable, "-m", "thesis_lib.cli", "train", *SMALL, *arguments]
+        process = subprocess.Popen(
+            [*command, "--out", str(folder)],
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+            preexec_fn=setting,
+        )
+        running.append(process)
+        record, deadline = folder / "run.json", time.monotonic() + 300
+        while time.monotonic() < deadline and process.poll() is None:
+            if record.exists() and json.loads(record.read_text())["iteration"] >= 4:
+                return process
+            time.sleep(0.01)
+        raise AssertionError("the training did not come to its fourth iteration")
+
+    yield start
+    for process in running:
+        process.kill()
+        process.wait()
 
 
 # ----------------------------------------------------------------------------------- training
@@ -77,7 +103,7 @@ def test_train_says_what_it_did(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert "already holds a run" in capsys.readouterr().err
 
 
-def test_a_run_killed_outright_goes_on_to_the_same_bits(tmp_path: Path) -> None:
+def test_a_run_killed_outright_goes_on_to_the_same_bits(tmp_path: Path, started: Started) -> None:
     common = ["--architecture", "ctrnn", "--iterations", "400", "--checkpoint-every", "3"]
     process = started(tmp_path / "killed", *common)
     os.killpg(process.pid, signal.SIGKILL)
@@ -103,20 +129,37 @@ def test_a_run_killed_outright_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     assert {p.name for p in (tmp_path / "killed").iterdir()} == set(FILES)
 
 
-def test_interruption_says_where_the_last_checkpoint_is(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interruption_saves_and_says_where(
+    tmp_path: Path, started: Started, number: signal.Signals
+) -> None:
     process = started(tmp_path, "--iterations", "100000", "--checkpoint-every", "4")
-    process.send_signal(signal.SIGINT)
-    _, error = process.communicate(timeout=60)
-    assert process.returncode == 130
+    process.send_signal(number)
+    _, error = process.communicate(timeout=300)
+    assert process.returncode == 128 + number
     kept = read_checkpoint(tmp_path)["iteration"]
-    assert kept % 4 == 0
     assert f"the last checkpoint, of iteration {kept}, is in {tmp_path}" in error
     assert "give the same command again" in error
     assert "Traceback" not in error
 
 
+def test_a_run_under_nohup_ends_in_good_order(tmp_path: Path, started: Started) -> None:
+    """Ctrl-C and the end of the terminal are ignored there; SIGTERM is not."""
+
+    def nohup() -> None:
+        for number in (signal.SIGINT, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN)
+
+    process = started(tmp_path, "--iterations", "100000", setting=nohup)
+    process.send_signal(signal.SIGHUP)
+    process.send_signal(signal.SIGTERM)
+    _, error = process.communicate(timeout=300)
+    assert process.returncode == 128 + signal.SIGTERM
+    assert f"iteration {read_checkpoint(tmp_path)['iteration']}, is in {tmp_path}" in error
+
+
 def test_two_processes_do_not_train_into_one_directory(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, started: Started, capsys: pytest.CaptureFixture[str]
 ) -> None:
     process = started(tmp_path, "--iterations", "100000", "--checkpoint-every", "4")
     try:
@@ -175,15 +218,13 @@ def test_a_full_disk_is_one_line(tmp_path: Path) -> None:
 def test_a_test_that_comes_to_no_number_is_one_sentence(
     checkpoint: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    load = Training.load
-
-    def spoilt(path: Path) -> Training:
-        run = load(path)
+    def spoilt(path: Path) -> Trained:
+        run = read_trained(path)
         with torch.no_grad():
             run.policy.head.bias[0] = float("nan")
         return run
 
-    monkeypatch.setattr(Training, "load", spoilt)
+    monkeypatch.setattr(cli_training, "read_trained", spoilt)
     assert cli.main(["evaluate", str(checkpoint), "--runs", "1", "--steps", "5"]) == 1
     error = capsys.readouterr().err
     assert error.startswith("thesis: the action in world 0 at step 0")

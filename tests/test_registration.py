@@ -13,7 +13,7 @@ from thesis_lib import registration
 from thesis_lib.domains import environments
 from thesis_lib.locomotion import BatchTask, robots
 from thesis_lib.policies import make_policy
-from thesis_lib.training.evaluation import parse_perturbation
+from thesis_lib.training.disturbances import parse_perturbation
 
 PACKAGE = """
 from dataclasses import dataclass, replace

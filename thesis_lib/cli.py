@@ -165,7 +165,7 @@ def recorded(arguments: Sequence[str]) -> str:
     skip = False
     for argument in arguments:
         name = argument.partition("=")[0].replace("_", "-")
-        if name in ("--out", "--runs-in", "--workers", "--film"):
+        if name in ("--out", "--runs-in", "--workers", "--scheduler", "--film"):
             skip = "=" not in argument
         elif skip:
             skip = False
@@ -179,7 +179,9 @@ _LATE = {
     "For instance ``thesis train --task hopper --architecture ctrnn``.",
     "evaluate": "Test a trained policy, by its mean action, with any perturbation.\n\n"
     "For instance ``thesis evaluate _build/runs/hopper-flat-ctrnn-0 --noise 1``.",
-    "sweep": "Train a grid of policies, each in a process of its own, and merge their curves.\n\n"
+    "test-policies": "Test every policy of a sweep: base, noise and switch (section 5.4).\n\n"
+    "For instance ``thesis test-policies _build/runs/sweep --out _build/results/tests``.",
+    "sweep": "Train a grid of policies, on one machine or many, and merge their curves.\n\n"
     "Given again, it goes on where it was killed.",
 }
 """Commands of :mod:`thesis_lib.cli_training`, which takes seconds to import."""
@@ -252,9 +254,8 @@ def _main(arguments: list[str]) -> int:
             return command(unknown)
         if unknown:
             raise ValueError(f"{unknown[0]!r} is not known: see `thesis {arguments[0]} --help`.")
-        return int(
-            command(recorded(arguments)) if arguments[0] in ("evaluate", "sweep") else command()
-        )
+        takes_record = arguments[0] in ("evaluate", "test-policies", "sweep")
+        return int(command(recorded(arguments)) if takes_record else command())
     except (ValueError, FileNotFoundError) as error:
         print(f"thesis: {error}", file=sys.stderr)
         return 2

@@ -1,10 +1,10 @@
-"""The commands ``thesis train``, ``evaluate`` and ``sweep``, imported when one is given."""
+"""The commands ``thesis train``, ``evaluate``, ``test-policies`` and ``sweep``, imported late."""
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -19,14 +19,17 @@ from thesis_lib.locomotion.rendering import check_gl
 from thesis_lib.training import curves
 from thesis_lib.training.checkpoint import read_checkpoint
 from thesis_lib.training.config import TrainConfig, idle_settings, task_name
-from thesis_lib.training.evaluation import Disturbances, EvaluateConfig, evaluate, summarised, write
+from thesis_lib.training.disturbances import Disturbances
+from thesis_lib.training.evaluation import EvaluateConfig, evaluate, summarised, write
 from thesis_lib.training.evaluation import idle_settings as idle_in_test
 from thesis_lib.training.film import check_film, film
 from thesis_lib.training.grid import GRID, GRID_COLUMNS, Grid, key, run_name
-from thesis_lib.training.run import Training
-from thesis_lib.training.sweep import Outcome, sweep
+from thesis_lib.training.plan import CORES, cost, makespan, memory, plan
+from thesis_lib.training.store import Store
+from thesis_lib.training.suite import SuiteConfig, best, check_rule, evaluate_all
+from thesis_lib.training.suite import write as write_tests
 from thesis_lib.training.train import TerminalReport, default_directory, train, use_one_thread
-from thesis_lib.training.trained import TrainedPolicies
+from thesis_lib.training.trained import TrainedPolicies, read_trained
 
 
 def _refuse(idle: Mapping[str, str]) -> None:
@@ -122,7 +125,7 @@ class Evaluate:
             _refuse({"film_run": "film"})
         config = config.disturbed(self.disturbances)
         if self.run is None:
-            trained = Training.load(self.checkpoint)
+            trained = read_trained(self.checkpoint)
         else:
             trained = TrainedPolicies(self.checkpoint).load(self.run)
         self._check(trained.config)
@@ -161,6 +164,37 @@ class Evaluate:
 
 
 @dataclass(frozen=True)
+class TestPolicies:
+    """``thesis test-policies``."""
+
+    __test__ = False  # pytest: it is no test
+
+    store: tyro.conf.Positional[str]
+    """Directory (or fsspec URL) of a sweep's runs, or its policies.pt."""
+    settings: Annotated[SuiteConfig, tyro.conf.arg(name="", constructor=unchecked(SuiteConfig))]
+    """Of the tests."""
+    rule: str = "seed"
+    """Which policies the printed table counts: seed (that whose training ended best) or all."""
+    workers: int | None = None
+    """Processes of this machine, each on one thread; default one a core."""
+    scheduler: str | None = None
+    """Hand the policies to the workers of this Dask scheduler, such as tcp://head:8786."""
+    out: Path | None = None
+    """Where tests.parquet and tests.json go; default _build/results/tests."""
+
+    def __call__(self, command: str = "thesis test-policies") -> int:
+        """Test them; ``command`` goes into the record."""
+        config = checked(SuiteConfig, self.settings)
+        check_rule(self.rule)
+        out = writable_directory(self.out or repository_root() / "_build" / "results" / "tests")
+        table = evaluate_all(self.store, config, workers=self.workers, scheduler=self.scheduler)
+        path = write_tests(table, self.store, config, out, command=command)
+        print(text(best(table, self.rule)))
+        print(f"{len(table)} runs of {table.run.nunique()} policies, written to {path}")
+        return 0
+
+
+@dataclass(frozen=True)
 class Sweep:
     """``thesis sweep``."""
 
@@ -171,25 +205,40 @@ class Sweep:
         tyro.conf.arg(name="", constructor=unchecked(TrainConfig, GRID)),
     ]
     """Of all runs."""
-    workers: int = 1
-    """Processes, each on one thread; no result depends on their number."""
+    workers: int | None = None
+    """Processes of this machine (or SLURM jobs), each on one thread; default one a core.  No
+    result depends on their number."""
+    scheduler: str | None = None
+    """Hand the runs to the workers of this Dask scheduler, such as tcp://head:8786, or to jobs of
+    SLURM (slurm); --runs-in must be a place they all see."""
     out: Path | None = None
     """Where curves.csv, curves.json and policies.pt go; default _build/results/sweep."""
-    runs_in: Path | None = None
-    """Where the runs' own directories are; default _build/runs/ and the last part of --out."""
+    runs_in: str | None = None
+    """Where the runs' own directories are, a path or a URL that fsspec knows; default _build/runs/
+    and the last part of --out."""
     any_version: bool = False
     """Go on with runs even where other code or other versions of the libraries made them."""
+    plan: bool = False
+    """Print what is left to do and what it will take, and train nothing."""
 
     def __call__(self, command: str = "thesis sweep") -> int:
         """Train what is missing; ``command`` goes into the record."""
+        from thesis_lib.training.sweep import Outcome, sweep
+
         configs = checked(Grid, self.grid).runs(checked(TrainConfig, self.settings))
         idle = [idle_settings(c) for c in configs]
         _refuse({name: by for name, by in idle[0].items() if all(name in i for i in idle)})
-        out = writable_directory(self.out or repository_root() / "_build" / "results" / "sweep")
-        runs = self.runs_in or repository_root() / "_build" / "runs" / out.name
+        out = self.out or repository_root() / "_build" / "results" / "sweep"
+        store = Store(self.runs_in or repository_root() / "_build" / "runs" / out.name)
+        runs = store.folder
+        if self.plan:
+            return self._plan(configs, store)
+        writable_directory(out)
         errors: dict[str, str] = {}
+        written, took = 0.0, 0.0
 
         def report(outcome: Outcome, ended: int) -> None:
+            nonlocal written, took
             name = run_name(outcome.config)
             if outcome.error is None:
                 row = curves.summary(curves.merged([outcome.config], runs)).iloc[0]
@@ -201,20 +250,26 @@ class Sweep:
                 errors[name] = outcome.error
                 news = f"FAILED: {outcome.error}"
             print(f"[{ended}/{len(configs)}] {name}: {news}", flush=True)
-            curves.write(configs, runs, out, command=command, errors=errors)
+            # Tables of many runs take a while, so not after every run.
+            start = time.monotonic()
+            if ended == len(configs) or start - written > 20 * took:
+                curves.write(configs, runs, out, command=command, errors=errors)
+                written = time.monotonic()
+                took = written - start
 
         try:
             sweep(
                 configs,
-                runs,
+                store.place,
                 workers=self.workers,
+                scheduler=self.scheduler,
                 any_version=self.any_version,
                 report=report,
             )
         except KeyboardInterrupt as stop:
             print(
-                f"\nthesis: interrupted; the runs are kept in {runs}: give the same command again "
-                "to go on from their last checkpoints.",
+                f"\nthesis: interrupted; the runs are kept in {store.place}: give the same command "
+                "again to go on from their last checkpoints.",
                 file=sys.stderr,
             )
             return status(stop)
@@ -227,5 +282,36 @@ class Sweep:
         print(f"{len(configs) - len(errors)} of {len(configs)} runs, written to {out}")
         return 1 if errors else 0
 
+    def _plan(self, configs: Sequence[TrainConfig], store: Store) -> int:
+        """Print runs, processor hours and memory, times on so many cores, and SLURM's script."""
+        from thesis_lib.training.cluster import SLURM, slurm_cluster
+        from thesis_lib.training.sweep import in_order
 
-COMMANDS = {"train": Train, "evaluate": Evaluate, "sweep": Sweep}
+        for config in configs:
+            store.pull(run_name(config))
+        left = [c for c in in_order(configs) if curves.progress(c, store.folder) < c.iterations]
+        print(f"{len(configs) - len(left)} of {len(configs)} runs are done.")
+        if not left:
+            return 0
+        table = plan(left)
+        print(text(table))
+        print(f"{len(left)} runs, about {table.core_hours.sum():.1f} processor hours:")
+        seconds = [cost(c) for c in left]
+        for cores in CORES:
+            hours = makespan(seconds, cores) / 3600
+            gigabytes = sum(sorted(map(memory, left))[-cores:])
+            print(
+                f"  on {cores} cores {hours:.1f} hours, with at most {gigabytes:.0f} GB of memory"
+            )
+        if self.scheduler == SLURM:
+            with slurm_cluster(0, max(map(memory, left))) as cluster:
+                print(cluster.job_script())
+        return 0
+
+
+COMMANDS = {
+    "train": Train,
+    "evaluate": Evaluate,
+    "test-policies": TestPolicies,
+    "sweep": Sweep,
+}

@@ -108,7 +108,7 @@ def test_first_means_are_actions_without_their_noise(net: str) -> None:
     task = make_batch_task(run)
     assert task.n_worlds == 1  # and one episode, so that the noise was drawn row by row
     (seed,) = Context(seed=0).seeds(1, 5, 12, 2, 0)
-    policy = make_run_policy(run, task)
+    policy = make_run_policy(run)
     rollouts = collect(task, policy, 60, np.random.default_rng(seed))
     noise = np.random.default_rng(seed).standard_normal(rollouts.actions.shape)
     mean = rollouts.actions - noise  # the standard deviation starts at 1

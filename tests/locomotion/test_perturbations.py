@@ -11,6 +11,7 @@ from thesis_lib.locomotion.batch import BatchTask
 from thesis_lib.locomotion.perturbations import (
     ActionDelay,
     ActuatorFailure,
+    CorrelatedNoise,
     FrictionChange,
     MassChange,
     Push,
@@ -137,6 +138,43 @@ def test_noise_of_a_sigma_for_each_sensor():
     assert spread[0] == 0
     # Root mean square of 400 draws: within a factor chi2(400).ppf(1 - 1e-7) / 400 of sigma.
     np.testing.assert_allclose(spread[1:], sigma[1:], rtol=0.2)
+
+
+@pytest.mark.parametrize("c", [1.0, 10.0, 100.0])
+def test_slow_noise_has_its_variance_from_the_onset_and_its_correlation_time(c):
+    """Over 4,000 independent pairs: the variance by chi-square, correlations by their theory."""
+    sigma, onset, n = 0.5, 3, 200
+    made = batch("Swimmer", n, CorrelatedNoise(sigma, onset, c))
+    added, _ = noise_of(made, random_actions("Swimmer", 24, n))
+    assert (added[: onset - 1] == 0).all()
+    draws = added[onset - 1 :].reshape(-1, n * 20) / sigma  # from step onset on
+    m = draws.shape[1]
+    low, high = stats.chi2(m).ppf([5e-8, 1 - 5e-8])
+    for t in (0, 1, 20):  # stationary at once
+        assert low < (draws[t] ** 2).sum() < high
+    for lag in (1, 5, 20):
+        rho = np.exp(-lag / c)
+        # A product of two standard normals of correlation rho has variance 1 + rho^2.
+        bound = stats.norm.ppf(1 - 5e-8) * np.sqrt((1 + rho**2) / m)
+        assert abs((draws[0] * draws[lag]).mean() - rho) < bound
+
+
+def test_slow_noise_of_no_correlation_time_is_white_noise():
+    actions = random_actions("Hopper", 80, 2)
+    slow, _ = noise_of(batch("Hopper", 2, CorrelatedNoise(0.3, 5, 0.0)), actions)
+    white, _ = noise_of(batch("Hopper", 2, WhiteNoise(0.3, 5)), actions)
+    np.testing.assert_array_equal(slow, white)
+
+
+def test_slow_noise_of_an_episode_owes_nothing_to_the_one_before():
+    """With c infinite but in name the first value stays; after a reset there is another one."""
+    made = batch("Swimmer", 1, CorrelatedNoise(1.0, 1, 1e12))
+    first, _ = noise_of(made, random_actions("Swimmer", 3))
+    made.reset()
+    second, _ = noise_of(made, random_actions("Swimmer", 3))
+    for added in (first, second):
+        np.testing.assert_allclose(added[1:], np.broadcast_to(added[0], (2, 1, 20)), atol=1e-4)
+    assert (np.abs(first[0] - second[0]) > 1e-4).all()
 
 
 # ------------------------------------------------------------------------------------- sensors
@@ -441,6 +479,8 @@ def test_perturbations_combine():
     [
         (lambda: WhiteNoise(-1.0), "sigma is -1.0"),
         (lambda: WhiteNoise(np.nan), "sigma is nan"),
+        (lambda: CorrelatedNoise(correlation_time=-1.0), "correlation_time is -1.0"),
+        (lambda: CorrelatedNoise(-1.0), "sigma is -1.0"),
         (lambda: WhiteNoise(onset=-1), "onset is -1"),
         (lambda: WhiteNoise(onset=1.5), "onset is 1.5"),
         (lambda: SensorSubset(("z", "z")), "only once"),

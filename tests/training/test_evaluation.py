@@ -21,14 +21,13 @@ from thesis_lib.locomotion.perturbations import (
 from thesis_lib.locomotion.rendering import NoGL, choose_backend
 from thesis_lib.optimisation import run_episodes
 from thesis_lib.training.config import TrainConfig
+from thesis_lib.training.disturbances import Disturbances, parse_perturbation
 from thesis_lib.training.evaluation import (
     SUMMARY_COLUMNS,
-    Disturbances,
     EvaluateConfig,
     evaluate,
     evaluation_task,
     idle_settings,
-    parse_perturbation,
     summarised,
 )
 from thesis_lib.training.film import film, positions

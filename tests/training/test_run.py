@@ -15,7 +15,7 @@ import torch
 
 from thesis_lib import imports
 from thesis_lib.locomotion import BatchTask, Step
-from thesis_lib.optimisation import TRPO, Rollouts, ValueNetwork, collect
+from thesis_lib.optimisation import TRPO, Learner, Rollouts, ValueNetwork, collect
 from thesis_lib.policies import ARCHITECTURES, CTRNN, ESN, FeedforwardPolicy
 from thesis_lib.training import checkpoint, parts
 from thesis_lib.training import config as settings
@@ -173,10 +173,10 @@ def test_step_sizes_of_table_5_1(task: str, architecture: str, delta: float) -> 
 )
 def test_feature_subsets(task: str, architecture: str, seen: int) -> None:
     config = TrainConfig(task=task, architecture=architecture, worlds=1)
-    policy = make_run_policy(config, make_batch_task(config))
+    policy = make_run_policy(config)
     assert policy.feature_size == seen
     full = dataclasses.replace(config, features="full")
-    assert make_run_policy(full, make_batch_task(full)).feature_size == policy.observation_size
+    assert make_run_policy(full).feature_size == policy.observation_size
 
 
 def test_every_run_has_a_directory_of_its_own() -> None:
@@ -192,12 +192,12 @@ def test_settings_reach_the_policy() -> None:
     config = TrainConfig(
         task="walker", architecture="ctrnn", integrator="euler", time_constant=0.05, worlds=1
     )
-    policy = make_run_policy(config, make_batch_task(config))
+    policy = make_run_policy(config)
     assert isinstance(policy, CTRNN)
     assert (policy.dt, policy.integrator) == (0.005, "euler")
     assert policy.time_constants().tolist()[0] == pytest.approx(0.05)
     config = TrainConfig(task="hopper", architecture="esn", density=0.5, worlds=1)
-    reservoir = make_run_policy(config, make_batch_task(config))
+    reservoir = make_run_policy(config)
     assert isinstance(reservoir, ESN)
     assert (reservoir.spectral_radius, reservoir.density, reservoir.leak) == (1.1, 0.5, 0.5)
     assert settings.table_5_1("Ant", "esn", "spectral_radius") == 1.5
@@ -333,7 +333,7 @@ def test_what_a_sweep_sets_for_all_is_left_out_where_it_is_idle(
     config = TrainConfig(architecture=architecture, worlds=1)
     asked = dataclasses.replace(config, **option)
     assert list(settings.idle_settings(asked)) == list(option)
-    one, two = (make_run_policy(c, make_batch_task(c)) for c in (config, asked))
+    one, two = (make_run_policy(c) for c in (config, asked))
     assert torch.equal(one.parameter_vector(), two.parameter_vector())
 
 
@@ -351,7 +351,7 @@ def test_a_subset_of_sensors_is_for_two_robots(reading: str) -> None:
 
 def test_the_best_batch_s_policy_is_kept(tmp_path: Path) -> None:
     config = TrainConfig(**{**SMALL, "iterations": 5}, checkpoint_every=1)
-    starts = [make_run_policy(config, make_batch_task(config)).parameter_vector()]
+    starts = [make_run_policy(config).parameter_vector()]
     run = train(config, tmp_path, report=lambda run: starts.append(run.policy.parameter_vector()))
     batch = int(run.curve.mean_return.argmax())
     best = Training.load(tmp_path).best
@@ -548,6 +548,21 @@ def test_a_bad_reward_stops_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
         train(TrainConfig(**SMALL))
 
 
+def test_a_bad_observation_is_told_on_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    step = BatchTask.step
+
+    def spoilt(task: BatchTask, actions: np.ndarray) -> Step:
+        outcome = step(task, actions)
+        outcome.observation[:] = -1.2345678e-200
+        outcome.observation[0, 0] = np.nan
+        return outcome
+
+    monkeypatch.setattr(BatchTask, "step", spoilt)
+    with pytest.raises(TrainingStopped, match="the observation in world 0 at step 0 ") as stopped:
+        train(TrainConfig(task="Ant", architecture="ffwd", **SMALL))
+    assert "\n" not in str(stopped.value)
+
+
 def test_another_run_in_the_directory(tmp_path: Path) -> None:
     config = TrainConfig(**{**SMALL, "iterations": 1})
     train(config, tmp_path)
@@ -632,3 +647,74 @@ def test_the_terminal_shows_progress_and_a_pipe_does_not(
     assert "iteration 3/3" in shown
     for word in ("return", "KL", "entropy", "steps/s", "left"):
         assert word in shown
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"algorithm": "ppo", "architecture": "gru"},
+        {"baseline": "network", "architecture": "ctrnn"},
+        {"architecture": "esn"},
+    ],
+)
+@pytest.mark.parametrize("moment", ["sampled", "learned", "told"])
+def test_an_interrupted_run_keeps_all_whole_iterations(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: dict, moment: str
+) -> None:
+    """Whether it comes while sampling, at the end of learning, or after it."""
+    config = TrainConfig(**{**SMALL, "iterations": 4}, **options)
+    calls = []
+
+    def interrupted(function: Callable[..., Any]) -> Callable[..., Any]:
+        def called(*arguments: Any, **keywords: Any) -> Any:
+            result = function(*arguments, **keywords)
+            calls.append(function)
+            if len(calls) == 3:
+                raise KeyboardInterrupt
+            return result
+
+        return called
+
+    with monkeypatch.context() as patch:
+        if moment == "sampled":
+            patch.setattr(running, "collect", interrupted(collect))
+        elif moment == "told":
+            patch.setattr(Training, "_row", interrupted(Training._row))
+        else:
+            patch.setattr(Learner, "improve", interrupted(Learner.improve))
+        with pytest.raises(KeyboardInterrupt):
+            train(config, tmp_path)
+    assert Training.load(tmp_path).iteration == 2
+    same(train(config, tmp_path), train(config))
+
+
+def test_numpy_numbers_are_plain_at_the_boundary(tmp_path: Path) -> None:
+    delta, tau = np.geomspace(0.01, 0.1, 2)
+    config = TrainConfig(
+        delta_kl=delta,
+        architecture=np.str_("ctrnn"),
+        time_constant=np.array(tau),
+        bootstrap=np.True_,
+        seed=np.int64(3),
+        batch_steps=np.int32(100),
+        horizon=np.uint8(20),
+        iterations=np.int64(2),
+    )
+    for name, value in vars(config).items():
+        assert type(value) in (str, int, float, bool, type(None)), name
+    run = train(config, tmp_path)
+    same(Training.load(tmp_path), run)
+    assert json.loads((tmp_path / "run.json").read_text())["config"] == vars(config)
+    with pytest.raises(ValueError, match=r"iterations is 2\.0, but it must be a whole number"):
+        TrainConfig(iterations=np.float64(2.0))
+    with pytest.raises(ValueError, match=r"delta_kl is array.*, but it must be a fin") as raised:
+        TrainConfig(delta_kl=np.ones((40, 3)))
+    assert "\n" not in str(raised.value)
+
+
+def test_a_damaged_checkpoint_says_what_to_do(tmp_path: Path) -> None:
+    train(TrainConfig(**{**SMALL, "iterations": 1}), tmp_path)
+    file = tmp_path / "checkpoint.pt"
+    file.write_bytes(file.read_bytes()[:-1000])
+    with pytest.raises(ValueError, match="or is damaged: name another, or remove it and train"):
+        Training.load(tmp_path)

@@ -1,21 +1,29 @@
 """Sweeps: every run as if it were alone, whatever happens to the others."""
 
 import dataclasses
+import errno
+import fcntl
 import json
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+import torch
+from distributed import Client
 from scipy import stats
 
 from thesis_lib import cli
 from thesis_lib.edition.experiment import load
+from thesis_lib.training.checkpoint import code_digest
 from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.curves import (
     CURVES_COLUMNS,
@@ -30,7 +38,9 @@ from thesis_lib.training.curves import (
     write,
 )
 from thesis_lib.training.grid import GRID_COLUMNS, Grid, key, parse_variant, run_name
-from thesis_lib.training.sweep import Outcome, sweep
+from thesis_lib.training.plan import STEP_COST, cost, makespan, memory, plan
+from thesis_lib.training.store import Store
+from thesis_lib.training.sweep import Outcome, in_order, sweep
 from thesis_lib.training.train import train, use_one_thread
 
 SMALL = TrainConfig(batch_steps=100, horizon=20, iterations=3, checkpoint_every=1)
@@ -40,6 +50,14 @@ TIMES = ["sampling_seconds", "update_seconds", "wall_seconds"]
 @pytest.fixture(autouse=True)
 def _one_thread() -> None:
     use_one_thread()
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[Client]:
+    """Two workers in this process."""
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": "127.0.0.1:0"}
+    with Client(processes=False, **options) as found:
+        yield found
 
 
 def test_a_grid_is_every_combination() -> None:
@@ -64,7 +82,9 @@ def test_a_grid_that_cannot_be(options: dict, message: str) -> None:
         Grid(**options).runs()
 
 
-def test_runs_are_those_of_train_and_a_failure_leaves_the_others_alone(tmp_path: Path) -> None:
+def test_runs_are_those_of_train_and_a_failure_leaves_the_others_alone(
+    tmp_path: Path, client: Client
+) -> None:
     configs = Grid(("hopper",), ("flat",), ("dtrnn", "gru", "ffwd")).runs(SMALL)
     # In the place of the second run there is another one already.
     other = dataclasses.replace(configs[1], batch_steps=40, iterations=1)
@@ -73,7 +93,7 @@ def test_runs_are_those_of_train_and_a_failure_leaves_the_others_alone(tmp_path:
     train(dataclasses.replace(configs[2], iterations=1), tmp_path / run_name(configs[2]))
     assert [progress(c, tmp_path) for c in configs] == [0, 0, 1]
     seen: list[tuple[Outcome, int]] = []
-    outcomes = sweep(configs, tmp_path, workers=2, report=lambda o, n: seen.append((o, n)))
+    outcomes = sweep(configs, tmp_path, scheduler=client, report=lambda o, n: seen.append((o, n)))
     assert [o.config for o in outcomes] == configs
     assert [n for _, n in seen] == [1, 2, 3]
     assert outcomes[0].error is None
@@ -91,7 +111,7 @@ def test_runs_are_those_of_train_and_a_failure_leaves_the_others_alone(tmp_path:
 
     # A second time there is nothing to do but the one that fails.
     before = (tmp_path / run_name(configs[0]) / "checkpoint.pt").stat().st_mtime_ns
-    sweep(configs, tmp_path)
+    sweep(configs, tmp_path, scheduler=client)
     assert (tmp_path / run_name(configs[0]) / "checkpoint.pt").stat().st_mtime_ns == before
 
 
@@ -101,17 +121,24 @@ def test_what_is_written(tmp_path: Path) -> None:
     errors = {run_name(configs[1]): "it rained."}
     write(configs, tmp_path / "runs", tmp_path / "out", command="thesis sweep", errors=errors)
     curves, record = load("curves", tmp_path / "out")
-    assert list(curves.columns) == list(record["columns"]) == list(CURVES_COLUMNS)
+    numbers = [name for name in CURVES_COLUMNS if name not in TIMES]
+    assert list(curves.columns) == list(record["columns"]) == numbers
+    seconds = pd.read_csv(tmp_path / "out" / "curves.seconds.csv")
+    assert list(seconds.columns) == list(record["seconds_columns"]) == TIMES
+    assert len(seconds) == 3
     assert len(curves) == record["rows"] == 3
     assert (record["config"]["batch_steps"], record["grid"]["seed"]) == (100, [0, 1])
     assert [r["iteration"] for r in record["runs"]] == [3, 0]
     assert [r.get("error") for r in record["runs"]] == [None, "it rained."]
     assert record["runs"][0]["delta_kl"] == 0.05
-    assert record["commit"]
-    assert record["versions"]["torch"]
+    assert [r.get("made_by") for r in record["runs"]] == [0, None]
+    (maker,) = record["made_by"]
+    assert maker["versions"]["torch"]
+    assert (maker["code"], maker["commit"]) == (code_digest(), record["written_by"]["commit"])
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
         "curves.csv",
         "curves.json",
+        "curves.seconds.csv",
         "policies.pt",
     ]
 
@@ -218,31 +245,136 @@ def test_variants_that_cannot_be(text: str) -> None:
         parse_variant(text)
 
 
-def test_long_runs_come_first_and_seeds_outermost(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_provenance_is_by_run(tmp_path: Path) -> None:
+    configs = Grid(("hopper",), ("flat",), ("ffwd",), (0, 1, 2)).runs(SMALL)
+    for config in configs:
+        train(config, tmp_path / run_name(config))
+    record = tmp_path / run_name(configs[1]) / "run.json"
+    record.write_text(json.dumps(json.loads(record.read_text()) | {"commit": "0123456789ab"}))
+    write(configs, tmp_path, tmp_path / "out", command="thesis sweep")
+    _, found = load("curves", tmp_path / "out")
+    makers = [found["made_by"][run["made_by"]]["commit"] for run in found["runs"]]
+    assert makers[1] == "0123456789ab"
+    assert makers[0] == makers[2] == found["written_by"]["commit"]
+    assert len(found["made_by"]) == 2
+    assert "commit" not in found  # no one commit for a table of many
+
+
+def test_long_runs_come_first_and_seeds_outermost() -> None:
+    nets = ("ffwd", "esn")
+    grid = Grid(tasks=("HalfCheetah", "Ant"), architectures=nets, seeds=(0, 1))
+    order = [(c.seed, c.task, c.architecture) for c in in_order(grid.runs())]
+    pairs = [("Ant", "esn"), ("Ant", "ffwd"), ("HalfCheetah", "esn"), ("HalfCheetah", "ffwd")]
+    assert order == [(seed, *pair) for seed in (0, 1) for pair in pairs]
+
+
+def test_what_runs_cost() -> None:
+    # The review's table: 12 and 21 microseconds a step of HalfCheetah's DTRNN.
+    run = TrainConfig(task="HalfCheetah", iterations=500)
+    assert cost(run) == pytest.approx(500 * 50_000 * 12e-6)
+    small = dataclasses.replace(run, batch_steps=10_000)
+    assert cost(small) == pytest.approx(500 * 10_000 * 21e-6)
+    # One that was not measured counts as the median of 11, 12, 17, 20, 22, 22, 32.
+    other = dataclasses.replace(run, architecture="dffwd-softplus")
+    assert cost(other) == pytest.approx(500 * 50_000 * 20e-6)
+    assert memory(run) == 1.0
+    assert memory(TrainConfig(task="Ant", architecture="esn")) == pytest.approx(1.6)
+    assert all(len(nets) == 7 for nets in STEP_COST.values())
+
+    table = plan([run, run, dataclasses.replace(run, terrain="hill")])
+    assert table.runs.tolist() == [2, 1]
+    assert table.core_hours.tolist() == pytest.approx([2 * 300 / 3600, 475 / 3600])
+
+
+def test_time_on_many_cores_by_hand() -> None:
+    assert makespan([3.0, 3.0, 2.0, 2.0, 2.0], 1) == 12
+    # 3, 2, 2 on one core and 3, 2 on the other
+    assert makespan([3.0, 3.0, 2.0, 2.0, 2.0], 2) == 7
+    assert makespan([3.0, 3.0, 2.0, 2.0, 2.0], 64) == 3
+
+
+def test_numpy_numbers_make_the_same_grid() -> None:
+    plain = Grid(("hopper",), seeds=(0, 1))
+    assert Grid(np.array(["hopper"]), seeds=np.arange(2)) == plain
+    assert Grid(["hopper"], seeds=range(2)) == plain
+    with pytest.raises(ValueError, match="tasks is 'hopper', but it must be several values"):
+        Grid("hopper")
+    with pytest.raises(ValueError, match=r"seeds is 0\.5, but it must be a whole number"):
+        Grid(seeds=np.array([0.5]))
+
+
+def test_a_store_that_is_elsewhere(tmp_path: Path, client: Client) -> None:
+    configs = Grid(("hopper",), ("flat",), ("ffwd", "gru")).runs(SMALL)
+    url = f"memory://{tmp_path.name}"
+    train(dataclasses.replace(configs[1], iterations=1), tmp_path / run_name(configs[1]))
+    store = Store(url)
+    for file in (tmp_path / run_name(configs[1])).iterdir():
+        store._files.pipe_file(
+            f"{store._root}/{run_name(configs[1])}/{file.name}", file.read_bytes()
+        )
+    outcomes = sweep(configs, url, scheduler=client)
+    assert [o.error for o in outcomes] == [None, None]
+    names = {path.rpartition(tmp_path.name)[2] for path in store._files.find(store._root)}
+    files = ("checkpoint.pt", "curve.csv", "run.json")
+    assert names == {f"/{run_name(c)}/{file}" for c in configs for file in files}
+    for config in configs:
+        there = store._files.cat_file(f"{store._root}/{run_name(config)}/curve.csv")
+        assert there == (store.folder / run_name(config) / "curve.csv").read_bytes()
+        assert progress(config, store.folder) == 3
+    with pytest.raises(ValueError, match=r"the store 'nowhere://x' cannot be used .*: name a"):
+        Store("nowhere://x")
+
+
+def test_a_full_disk_fails_one_run_and_spares_the_others(
+    tmp_path: Path, client: Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    grid = Grid(
-        tasks=("HalfCheetah", "Ant"),
-        terrains=("flat", "hill"),
-        architectures=("esn",),
-        seeds=(0, 1),
-    )
-    configs = grid.runs(TrainConfig(iterations=1, batch_steps=40, horizon=20, units=2))
-    ended: list[tuple[int, str, str]] = []
+    save = torch.save
 
-    def report(outcome: Outcome, n: int) -> None:
-        ended.append((outcome.config.seed, outcome.config.task, outcome.config.terrain))
+    def full(content: dict[str, Any], *rest: Any) -> None:
+        if content["config"]["architecture"] == "gru" and content["iteration"] == 2:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        save(content, *rest)
 
-    sweep(configs, tmp_path, report=report)
-    order = [("Ant", "flat"), ("Ant", "hill"), ("HalfCheetah", "hill"), ("HalfCheetah", "flat")]
-    assert ended == [(seed, *pair) for seed in (0, 1) for pair in order]
+    configs = Grid(("hopper",), ("flat",), ("gru", "ffwd")).runs(SMALL)
+    with monkeypatch.context() as patch:
+        patch.setattr(torch, "save", full)
+        gru, ffwd = sweep(configs, tmp_path, scheduler=client)
+    assert ffwd.error is None
+    assert "after iteration 2, which could not be saved (No space left on device)" in str(gru.error)
+    assert "last good checkpoint, of iteration 1" in str(gru.error)
+    assert [o.error for o in sweep(configs, tmp_path, scheduler=client)] == [None, None]
+    write(configs, tmp_path, tmp_path / "full", command="thesis sweep")
+    for config in configs:
+        train(config, tmp_path / "whole" / run_name(config))
+    write(configs, tmp_path / "whole", tmp_path / "undisturbed", command="thesis sweep")
+    same_tables(tmp_path / "full", tmp_path / "undisturbed")
 
 
-def test_workers() -> None:
+def test_a_run_waits_for_the_process_that_is_still_in_its_directory(
+    tmp_path: Path, client: Client
+) -> None:
+    (config,) = Grid(("hopper",), ("flat",), ("ffwd",)).runs(SMALL)
+    folder = tmp_path / run_name(config)
+    folder.mkdir()
+    handle = os.open(folder, os.O_RDONLY)
+    fcntl.flock(handle, fcntl.LOCK_EX)
+    threading.Timer(1, os.close, [handle]).start()
+    with pytest.raises(ValueError, match="another process is training in"):
+        train(config, folder)
+    (outcome,) = sweep([config], tmp_path, scheduler=client)
+    assert outcome.error is None
+
+
+def same_tables(one: Path, two: Path) -> None:
+    for name in ("curves.csv", "policies.pt"):
+        assert (one / name).read_bytes() == (two / name).read_bytes(), name
+
+
+def test_workers(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="workers is 0, but at least 1"):
-        sweep([SMALL], ".", workers=0)
+        sweep([SMALL], tmp_path, workers=0)
     with pytest.raises(ValueError, match="two runs of the sweep are called 'hopper-flat"):
-        sweep([SMALL, SMALL], ".")
+        sweep([SMALL, SMALL], tmp_path)
 
 
 # ----------------------------------------------------------------------------- the command
@@ -252,45 +384,70 @@ ARGUMENTS = [
 ]
 
 
-def started(folder: Path, *arguments: str) -> subprocess.Popen:
-    """A sweep in a process of its own, when its first run has begun."""
-    command = [sys.executable, "-m", "thesis_lib.cli", "sweep", *arguments]
-    process = subprocess.Popen(
-        command,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    first = folder / "hopper-flat-ffwd-0-float32" / "checkpoint.pt"
-    deadline = time.monotonic() + 120
-    while not first.exists() and time.monotonic() < deadline:
-        time.sleep(0.02)
-    assert first.exists()
-    return process
+@pytest.fixture
+def started(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen]]:
+    """Begin a sweep in a process of its own, up to the first checkpoint of its first run."""
+    running: list[subprocess.Popen] = []
+
+    def start(*arguments: str) -> subprocess.Popen:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "thesis_lib.cli", "sweep", *arguments],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+            # A shell that starts the tests in the background has them ignore it.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        )
+        running.append(process)
+        wait_for((tmp_path / "runs" / "hopper-flat-ffwd-0-float32" / "checkpoint.pt").exists)
+        return process
+
+    yield start
+    for process in running:
+        process.kill()
+        process.wait()
 
 
-def test_interruption_ends_the_runs_and_says_how_to_go_on(tmp_path: Path) -> None:
-    arguments = [*ARGUMENTS, "--iterations", "100000"]
+def wait_for(what: Callable[[], object], seconds: float = 500) -> None:
+    deadline = time.monotonic() + seconds
+    while not what():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interruption_ends_the_runs_and_says_how_to_go_on(
+    tmp_path: Path, started: Callable[..., subprocess.Popen], number: signal.Signals
+) -> None:
+    arguments = [*ARGUMENTS, "--iterations", "100000", "--checkpoint-every", "100000"]
     places = ["--out", str(tmp_path / "out"), "--runs-in", str(tmp_path / "runs")]
-    process = started(tmp_path / "runs", *arguments, *places)
-    os.killpg(process.pid, signal.SIGINT)
-    _, error = process.communicate(timeout=60)  # returns when the run's process has ended too
-    assert process.returncode == 130
+    process = started(*arguments, *places)
+    time.sleep(3)  # some iterations
+    if number == signal.SIGINT:
+        os.killpg(process.pid, number)  # as a terminal does
+    else:
+        process.send_signal(number)
+    _, error = process.communicate(timeout=300)  # returns when the run's process has ended too
+    assert process.returncode == 128 + number
     assert f"interrupted; the runs are kept in {tmp_path / 'runs'}" in error
     assert "Traceback" not in error
+    # It saved what it had, though no checkpoint was due.
+    records = [json.loads(p.read_text()) for p in (tmp_path / "runs").glob("*/run.json")]
+    assert max(record["iteration"] for record in records) > 0
 
 
-def test_a_killed_sweep_goes_on_to_the_same_curves(tmp_path: Path) -> None:
+def test_a_killed_sweep_goes_on_to_the_same_curves(
+    tmp_path: Path, started: Callable[..., subprocess.Popen]
+) -> None:
     places = ["--out", str(tmp_path / "killed"), "--runs-in", str(tmp_path / "runs")]
-    process = started(tmp_path / "runs", *ARGUMENTS, *places)
-    os.killpg(process.pid, signal.SIGKILL)
+    process = started(*ARGUMENTS, *places)
+    os.kill(process.pid, signal.SIGKILL)  # its workers have to notice by themselves
     process.communicate()
     assert cli.main(["sweep", *ARGUMENTS, *places]) == 0
     whole = ["--out", str(tmp_path / "whole"), "--runs-in", str(tmp_path / "others")]
     assert cli.main(["sweep", *ARGUMENTS, *whole, "--workers", "2"]) == 0
-    one, two = (pd.read_csv(tmp_path / d / "curves.csv") for d in ("killed", "whole"))
-    pd.testing.assert_frame_equal(one.drop(columns=TIMES), two.drop(columns=TIMES))
+    same_tables(tmp_path / "killed", tmp_path / "whole")
     record = json.loads((tmp_path / "whole" / "curves.json").read_text())
     # what decides the result, and no paths
     assert record["command"] == " ".join(["thesis sweep", *ARGUMENTS])
@@ -329,3 +486,67 @@ def test_a_failed_run_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "hopper-flat-ffwd-0-float32: FAILED: the checkpoint in" in printed
     assert "0 of 1 runs" in printed
     assert "batch_steps 100, not 60" in (tmp_path / "out" / "curves.json").read_text()
+
+
+# --------------------------------------------------------------------- a scheduler of its own
+@pytest.fixture
+def dask_processes(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen]]:
+    """Start ``dask scheduler`` and ``dask worker`` on the loopback interface."""
+    running: list[subprocess.Popen] = []
+
+    def start(what: str, *arguments: str) -> subprocess.Popen:
+        command = [sys.executable, "-m", f"distributed.cli.dask_{what}", *arguments]
+        log = (tmp_path / f"{what}.log").open("a")
+        running.append(subprocess.Popen(command, stdout=log, stderr=log, cwd=tmp_path))
+        return running[-1]
+
+    yield start
+    for process in running:
+        process.kill()
+        process.wait()
+
+
+def test_a_worker_and_the_scheduler_are_killed_and_nothing_is_lost(
+    tmp_path: Path, dask_processes: Callable[..., subprocess.Popen]
+) -> None:
+    runs, arguments = tmp_path / "runs", [*ARGUMENTS, "--iterations", "60", "--seeds", "0", "1"]
+    places = ["--out", str(tmp_path / "out"), "--runs-in", str(runs)]
+
+    def cluster(name: str) -> tuple[list[str], subprocess.Popen, list[subprocess.Popen]]:
+        file = tmp_path / name
+        options = ["--port", "0", "--host", "127.0.0.1", "--no-dashboard"]
+        scheduler = dask_processes("scheduler", *options, "--scheduler-file", str(file))
+        wait_for(file.exists)
+        address = json.loads(file.read_text())["address"]
+        options = [address, "--nthreads", "1", "--no-nanny", "--no-dashboard"]
+        return (
+            ["--scheduler", address],
+            scheduler,
+            [dask_processes("worker", *options) for _ in range(2)],
+        )
+
+    def begun(n: int) -> bool:
+        return len(list(runs.glob("*/checkpoint.pt"))) >= n
+
+    where, scheduler, workers = cluster("first.json")
+    command = [sys.executable, "-m", "thesis_lib.cli", "sweep", *arguments, *places, *where]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    wait_for(lambda: begun(2))
+    workers[0].kill()
+    wait_for(lambda: begun(3))  # the other goes on
+    scheduler.kill()
+    _, error = process.communicate(timeout=300)
+    assert process.returncode == 1
+    assert "the scheduler ended; the runs are kept in" in error
+    assert "Traceback" not in error
+
+    where, _, _ = cluster("second.json")
+    assert cli.main(["sweep", *arguments, *places, *where]) == 0
+    whole = ["--out", str(tmp_path / "whole"), "--runs-in", str(tmp_path / "others")]
+    assert cli.main(["sweep", *arguments, *whole, "--workers", "1"]) == 0
+    same_tables(tmp_path / "out", tmp_path / "whole")
+
+
+def test_no_scheduler_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"no Dask scheduler at 'nonsense://': start one with"):
+        sweep([SMALL], tmp_path, scheduler="nonsense://")

@@ -1,7 +1,8 @@
 """Results of long runs that are committed with the book: tables with their provenance.
 
 They lie in ``results``, each a table ``NAME.csv`` beside ``NAME.json``, which says by what
-command and from which commit it was made.
+command and from which commit it was made.  Columns that differ each time it is made, such as
+seconds, may stand in ``NAME.seconds.csv``, row by row.
 """
 
 from __future__ import annotations
@@ -58,4 +59,8 @@ def saved(name: str, root: Path | str | None = None) -> Saved:
                 f"results/{Path(name).parent}; get it with `git checkout -- results`, or make it "
                 "with `thesis sweep`."
             )
-    return Saved(read_csv(files[0]), json.loads(files[1].read_text(encoding="utf-8")))
+    table = read_csv(files[0])
+    seconds = files[0].with_suffix(".seconds.csv")
+    if seconds.is_file():
+        table = table.join(read_csv(seconds))
+    return Saved(table, json.loads(files[1].read_text(encoding="utf-8")))

@@ -2,8 +2,8 @@
 
 The thesis tests fixed controllers under two perturbations, white noise on all sensors and
 a switch from flat to hilly ground, and trains recurrent networks on a subset of the
-sensors of two robots.  Actuator failure, action delay, changes of mass and friction, and
-pushes are ours.  All are the same kind of object: a frozen description that any
+sensors of two robots.  Slow noise, actuator failure, action delay, changes of mass and
+friction, and pushes are ours.  All are the same kind of object: a frozen description that any
 :class:`~thesis_lib.locomotion.batch.BatchTask` or environment takes in a list.
 """
 
@@ -129,16 +129,48 @@ class WhiteNoise(Perturbation):
                 f"sigma has {len(sigma)} entries for {len(context.sensors)} sensors; give one "
                 "number, or one for each sensor."
             )
-        return _WhiteNoiseEffect(self.onset, sigma, context)
+        return _NoiseEffect(self.onset, sigma, context, self._decay())
+
+    def _decay(self) -> float:
+        """What is left of a deviation one step later."""
+        return 0.0
 
 
-class _WhiteNoiseEffect(Effect):
-    def __init__(self, onset: int, sigma: FloatArray, context: Context) -> None:
-        self._onset, self._sigma = onset, sigma
+@dataclass(frozen=True)
+class CorrelatedNoise(WhiteNoise):
+    r"""Noise of the variance of :class:`WhiteNoise` that changes slowly (not in the thesis).
+
+    A first-order autoregression, stationary from its first step: the correlation of two
+    observations k steps apart is :math:`e^{-k / c}` with the correlation time c.
+
+    Attributes
+    ----------
+    correlation_time
+        c, control steps; 0 is white noise, number for number.
+    """
+
+    correlation_time: float = 10.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not (np.isfinite(self.correlation_time) and self.correlation_time >= 0):
+            raise ValueError(
+                f"correlation_time is {self.correlation_time}, but it must be a finite number of "
+                "steps, 0 or more."
+            )
+
+    def _decay(self) -> float:
+        return float(np.exp(-1 / self.correlation_time)) if self.correlation_time else 0.0
+
+
+class _NoiseEffect(Effect):
+    def __init__(self, onset: int, sigma: FloatArray, context: Context, decay: float) -> None:
+        self._onset, self._sigma, self._decay = onset, sigma, decay
         self._generators = context.generators
         # A world draws for many steps at once, and only when it has used up what it drew.
         self._drawn = np.empty((context.n_worlds, _BLOCK, len(context.sensors)))
         self._used = np.full(context.n_worlds, _BLOCK)
+        self._noise = np.zeros((context.n_worlds, len(context.sensors)))
 
     def on_observation(self, t: IntArray, observations: FloatArray, worlds: IntArray) -> FloatArray:
         noisy = t >= self._onset
@@ -148,9 +180,13 @@ class _WhiteNoiseEffect(Effect):
         for world in who[self._used[who] == _BLOCK]:
             self._generators[world].standard_normal(out=self._drawn[world])
             self._used[world] = 0
-        changed = observations.copy()
-        changed[noisy] += self._sigma * self._drawn[who, self._used[who]]
+        # Of variance 1 at every step: the first of an episode owes nothing to what was before.
+        kept = np.where(t[noisy] == self._onset, 0.0, self._decay)[:, None]
+        fresh = self._drawn[who, self._used[who]]
+        self._noise[who] = kept * self._noise[who] + np.sqrt(1 - kept**2) * fresh
         self._used[who] += 1
+        changed = observations.copy()
+        changed[noisy] += self._sigma * self._noise[who]
         return changed
 
 

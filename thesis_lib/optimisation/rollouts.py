@@ -388,9 +388,10 @@ class _Recorder:
         bad = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1) & self.running
         if bad.any():
             world = int(np.argmax(bad))
+            value = np.array2string(values[world], threshold=6, max_line_width=np.inf)  # type: ignore[arg-type]
             raise FloatingPointError(
                 f"the {name} in world {world} at step {self.time[world]} of its episode is "
-                f"{np.array2string(values[world], threshold=6)}, which is not finite."
+                f"{value}, which is not finite."
             )
 
     def rollouts(self, n_episodes: int) -> Rollouts:

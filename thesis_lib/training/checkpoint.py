@@ -83,6 +83,13 @@ def foreign(path: Path | str, what: str) -> ValueError:
     )
 
 
+def _not_one(file: Path) -> str:
+    return (
+        f"{str(file)!r} is not a checkpoint of `thesis train`, or is damaged: name another, or "
+        "remove it and train again."
+    )
+
+
 def read_checkpoint(path: Path | str) -> dict[str, Any]:
     """The content of a checkpoint file; see :meth:`Training.load`."""
     file = Path(path)
@@ -94,9 +101,9 @@ def read_checkpoint(path: Path | str) -> dict[str, Any]:
     try:
         content = torch.load(file, weights_only=True)
     except Exception as error:  # torch raises many kinds for a file that is not its own
-        raise ValueError(f"{str(file)!r} is not a checkpoint of `thesis train`.") from error
+        raise ValueError(_not_one(file)) from error
     if not isinstance(content, dict) or "format" not in content:
-        raise ValueError(f"{str(file)!r} is not a checkpoint of `thesis train`.")
+        raise ValueError(_not_one(file))
     if "policies" in content:
         raise ValueError(
             f"{str(file)!r} holds the policies of a sweep, {', '.join(content['policies'])}: name "

@@ -18,11 +18,8 @@ from thesis_lib.files import replacing, writable_directory
 from thesis_lib.stats import holm, mean_ci
 from thesis_lib.training.config import TrainConfig, differences
 from thesis_lib.training.grid import GRID, GRID_COLUMNS, key, run_name
-from thesis_lib.training.run import CURVE_COLUMNS
-from thesis_lib.training.trained import write_policies
-
-LAST = 5
-"""Iterations whose mean return says how well a net did at the end."""
+from thesis_lib.training.run import CURVE_COLUMNS, TIMING_COLUMNS
+from thesis_lib.training.trained import LAST, write_policies
 
 MARGIN = 0.1
 """Difference of two mean returns, as a share of the second, that counts as none."""
@@ -223,6 +220,11 @@ def _one_sample(values: np.ndarray, centre: float, alternative: str) -> float:
     return float(stats.ttest_1samp(values, centre, alternative=alternative).pvalue)
 
 
+def made(found: Mapping[str, Any]) -> dict[str, Any]:
+    """What a run's record says made it."""
+    return {k: found[k] for k in ("code", "commit", "python", "versions", "machine") if k in found}
+
+
 def write(
     configs: Sequence[TrainConfig],
     runs: Path | str,
@@ -233,9 +235,11 @@ def write(
 ) -> pd.DataFrame:
     """Merge the runs and write ``curves.csv`` with its provenance ``curves.json``.
 
-    With both number types ``precision.csv`` is written too, with variants ``variants.csv``,
-    and always ``policies.pt``, the policies as they are now (see
-    :class:`~thesis_lib.training.trained.TrainedPolicies`).
+    The table is the same, byte for byte, however often the sweep was stopped; what it took
+    stands in ``curves.seconds.csv``, row by row.  Each run has the provenance of its own: the
+    entry of ``made_by`` whose number it names.  With both number types ``precision.csv`` is
+    written too, with variants ``variants.csv``, and always ``policies.pt``, the policies as they
+    are now (see :class:`~thesis_lib.training.trained.TrainedPolicies`).
 
     Parameters
     ----------
@@ -260,6 +264,10 @@ def write(
     begun = [(run_name(c), Path(runs) / run_name(c)) for c in configs]
     begun = [(name, run) for name, run in begun if (run / "checkpoint.pt").exists()]
     left_out = write_policies(begun, folder / "policies.pt")
+    found = {run_name(c): _record(c, runs) or {} for c in configs}
+    makers = list({json.dumps(made(r)): made(r) for r in found.values() if r}.values())
+    numbers = {name: makers.index(made(r)) for name, r in found.items() if r}
+    errors = left_out | dict(errors or {})
     record: dict[str, Any] = {
         "id": "curves",
         "title": "Learning curves of a sweep.",
@@ -270,15 +278,22 @@ def write(
         "processor_seconds": round(
             float(curves.sampling_seconds.sum() + curves.update_seconds.sum()), 1
         ),
-        "runs": [_run_record(c, runs, left_out | dict(errors or {})) for c in configs],
+        "made_by": makers,
+        "runs": [_run_record(name, r, numbers, errors) for name, r in found.items()],
         "rows": len(curves),
-        "columns": dict(CURVES_COLUMNS),
+        "columns": {k: v for k, v in CURVES_COLUMNS.items() if k not in TIMING_COLUMNS},
+        "seconds_columns": {k: CURVES_COLUMNS[k] for k in TIMING_COLUMNS},
         "written": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        **environment(),
+        "written_by": made(environment()),
         "table": "curves.csv",
     }
-    with replacing(folder / "curves.csv") as temporary:
-        curves.to_csv(temporary, index=False, float_format="%.6g")
+    timings = list(TIMING_COLUMNS)
+    for name, table in (
+        ("curves.csv", curves.drop(columns=timings)),
+        ("curves.seconds.csv", curves[timings]),
+    ):
+        with replacing(folder / name) as temporary:
+            table.to_csv(temporary, index=False, float_format="%.6g")
     for column, name in COMPARISONS.items():
         if len({key(c)[column] for c in configs}) > 1:
             record["compared_columns"] = dict(PAIRED_COLUMNS)
@@ -299,11 +314,16 @@ def _shared(configs: Sequence[TrainConfig]) -> dict[str, Any]:
     }
 
 
-def _run_record(config: TrainConfig, runs: Path | str, errors: Mapping[str, str]) -> dict[str, Any]:
-    name = run_name(config)
-    found = _record(config, runs) or {"iteration": 0}
-    kept: dict[str, Any] = {"run": name}
-    kept |= {k: found[k] for k in ("iteration", "delta_kl", "parameters", "commit") if k in found}
+def _run_record(
+    name: str,
+    found: Mapping[str, Any],
+    numbers: Mapping[str, int],
+    errors: Mapping[str, str],
+) -> dict[str, Any]:
+    kept: dict[str, Any] = {"run": name, "iteration": 0}
+    kept |= {k: found[k] for k in ("iteration", "delta_kl", "parameters") if k in found}
+    if name in numbers:
+        kept["made_by"] = numbers[name]
     if name in errors:
         kept["error"] = errors[name]
     return kept

@@ -2,31 +2,33 @@ r"""Test a trained policy: the greedy policy under perturbations (sections 5.3 a
 
 from __future__ import annotations
 
-import ast
 import dataclasses
-import inspect
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, cast, get_args
 
 import numpy as np
 import pandas as pd
+import torch
+from torch import Tensor
 
 from thesis_lib.checkout import environment
-from thesis_lib.checks import check_seed
+from thesis_lib.checks import check_seed, plain_settings
 from thesis_lib.files import replacing, writable_directory
-from thesis_lib.locomotion import BatchTask, make_task, perturbations
+from thesis_lib.locomotion import BatchTask, make_task
 from thesis_lib.locomotion.batch import Perturbation
 from thesis_lib.locomotion.robots import Ground
 from thesis_lib.locomotion.tasks import TEST_HORIZON, Termination
 from thesis_lib.locomotion.terrain import hill_maps
 from thesis_lib.optimisation import run_episodes
-from thesis_lib.registration import find
+from thesis_lib.policies import GaussianPolicy
 from thesis_lib.stats import mean_ci
 from thesis_lib.training.config import TERRAINS
+from thesis_lib.training.disturbances import Disturbances, parse_perturbation
 from thesis_lib.training.run import Training
+from thesis_lib.training.trained import Trained, read_trained
 
 RUN_COLUMNS: Mapping[str, str] = {
     "run": "number of the run, from 0",
@@ -51,76 +53,6 @@ SUMMARY_COLUMNS: Mapping[str, str] = {
 
 
 @dataclass(frozen=True)
-class Disturbances:
-    """The perturbations there are, in short: each is left out unless it is asked for."""
-
-    noise: float | None = None
-    """Standard deviation of white noise on all sensors, in each one's own unit."""
-    dead_sensors: tuple[str, ...] = ()
-    """Sensors that read 0, by name."""
-    switch_at: str | None = None
-    """Flat ground that turns hilly: at x metres, or "task" where the task says so."""
-    dead_actuators: tuple[str, ...] = ()
-    """Motors that go limp, by name."""
-    delay: int | None = None
-    """Control steps by which actions are late."""
-    mass: float | None = None
-    """Factor on the mass of the robot."""
-    friction: float | None = None
-    """Factor on the friction of ground and robot."""
-    push: tuple[float, float, float] | None = None
-    """Push on the torso, as the change of velocity in m/s along x, y and z."""
-    onset: int = perturbations.NOISE_ONSET
-    """Control step from which they act; hills are met where they are."""
-
-    def perturbations(self, difficulty: float = 1.0, seed: int = 0) -> tuple[Perturbation, ...]:
-        """What was asked for.
-
-        Parameters
-        ----------
-        difficulty
-            Height of the hills in metres.
-        seed
-            Decides the hills.
-
-        Raises
-        ------
-        ValueError
-            When a value is out of range.
-        """
-        onset = self.onset
-        found: list[Perturbation] = []
-        if self.switch_at is not None:
-            place = _place(self.switch_at)
-            found.append(perturbations.TerrainSwitch(difficulty, place, seed))
-        if self.mass is not None:
-            found.append(perturbations.MassChange(self.mass, onset=onset))
-        if self.friction is not None:
-            found.append(perturbations.FrictionChange(self.friction, onset=onset))
-        if self.dead_actuators:
-            found.append(perturbations.ActuatorFailure(self.dead_actuators, onset=onset))
-        if self.delay is not None:
-            found.append(perturbations.ActionDelay(self.delay, onset=onset))
-        if self.push is not None:
-            found.append(perturbations.Push(self.push, onset=onset))
-        if self.noise is not None:
-            found.append(perturbations.WhiteNoise(self.noise, onset))
-        if self.dead_sensors:
-            # After the noise: a sensor that is dead does not tremble.
-            found.append(perturbations.SensorFailure(self.dead_sensors, onset=onset))
-        return tuple(found)
-
-
-def _place(text: str) -> float | Literal["task"]:
-    if text == "task":
-        return "task"
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError(f"switch_at is {text!r}, but it must be metres, or task.") from None
-
-
-@dataclass(frozen=True)
 class EvaluateConfig:
     """A test of 20 runs of 1000 steps (section 5.4)."""
 
@@ -138,11 +70,16 @@ class EvaluateConfig:
     """test (the author's test mode), train or never: which limits end a run."""
     greedy: bool = True
     """Act by the mean of the policy."""
+    memory: bool = True
+    """Whether the net remembers; otherwise its state is at every step that of a start."""
+    previous_action: bool = True
+    """Whether the net sees its last action; otherwise it reads zero."""
     seed: int = 0
     """All randomness comes from it."""
 
     def __post_init__(self) -> None:
         check_seed(self.seed)
+        plain_settings(self)
         for name in ("runs", "steps"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} is {getattr(self, name)}, but it must be at least 1.")
@@ -176,7 +113,9 @@ def idle_settings(config: EvaluateConfig, disturbances: Disturbances) -> dict[st
     if config.difficulty != EvaluateConfig().difficulty and not hilly:
         found["difficulty"] = "terrain hill or switch_at"
     default = Disturbances()
-    late = set(vars(default)) - {"switch_at", "onset"}
+    if disturbances.correlation_time != default.correlation_time and disturbances.noise is None:
+        found["correlation_time"] = "noise"
+    late = set(vars(default)) - {"switch_at", "onset", "correlation_time"}
     if disturbances.onset != default.onset and all(
         getattr(disturbances, name) == getattr(default, name) for name in late
     ):
@@ -184,71 +123,31 @@ def idle_settings(config: EvaluateConfig, disturbances: Disturbances) -> dict[st
     return found
 
 
-def known_perturbations() -> Mapping[str, type[Perturbation]]:
-    """The perturbations there are, by name."""
-    return {
-        name: kind
-        for name, kind in vars(perturbations).items()
-        if inspect.isclass(kind) and issubclass(kind, Perturbation) and kind is not Perturbation
-    }
-
-
-def parse_perturbation(text: str) -> Perturbation:
-    """Read a perturbation from text such as ``"MassChange(factor=1.5)"``.
-
-    Parameters
-    ----------
-    text
-        A name of :func:`known_perturbations` or one that an installed package offers
-        (:mod:`thesis_lib.registration`), with its fields as keywords, or alone.
-
-    Raises
-    ------
-    ValueError
-        When the name or a field does not exist, or a value is out of range.
-    """
-    try:
-        tree = ast.parse(text.strip(), mode="eval").body
-        name, given = (tree.func, tree.keywords) if isinstance(tree, ast.Call) else (tree, [])
-        if not isinstance(name, ast.Name) or (isinstance(tree, ast.Call) and tree.args):
-            raise ValueError
-        values = {str(k.arg): ast.literal_eval(k.value) for k in given}
-    except (SyntaxError, ValueError) as error:
-        raise ValueError(
-            f"{text!r} is not a perturbation: write a name with its fields as keywords, such as "
-            "WhiteNoise(sigma=1.0, onset=100)."
-        ) from error
-    kind = find("perturbation", name.id, known_perturbations())
-    fields = [f.name for f in dataclasses.fields(kind)]  # type: ignore[arg-type]
-    for field in values:
-        if field not in fields:
-            raise ValueError(
-                f"{name.id} has no field {field!r}: its fields are {', '.join(fields)}."
-            )
-    try:
-        return kind(**values)
-    except TypeError as error:
-        raise ValueError(f"{text!r} is incomplete: {error}.") from error
-
-
 def evaluation_task(
-    trained: Training, config: EvaluateConfig, extra: Sequence[Perturbation] = ()
+    robot: str,
+    config: EvaluateConfig,
+    extra: Sequence[Perturbation] = (),
+    *,
+    reading: str = "code",
+    alive_bonus: float | None = None,
 ) -> BatchTask:
     """The task of a test, one world for every run.
 
     Parameters
     ----------
-    trained
-        Decides robot, rewards and observations.
+    robot
+        Name of the robot.
     config
         The test.
     extra
         Perturbations besides those the config names.
+    reading, alive_bonus
+        See :func:`~thesis_lib.locomotion.make_task`.
     """
     task = make_task(
-        trained.config.task,
-        reading=trained.config.reading,  # type: ignore[arg-type]
-        alive_bonus=trained.config.alive_bonus,
+        robot,
+        reading=reading,  # type: ignore[arg-type]
+        alive_bonus=alive_bonus,
         termination=config.termination,  # type: ignore[arg-type]
     )
     terrain = _hills(config, task.robot.name)
@@ -279,7 +178,7 @@ def ground_of(config: EvaluateConfig, robot: str, run: int) -> Ground | None:
 
 
 def evaluate(
-    trained: Training | Path | str,
+    trained: Training | Trained | Path | str,
     config: EvaluateConfig | None = None,
     extra: Sequence[Perturbation] = (),
 ) -> pd.DataFrame:
@@ -300,17 +199,55 @@ def evaluate(
         Columns as in :data:`RUN_COLUMNS`, one row a run.
     """
     chosen = config or EvaluateConfig()
-    run = trained if isinstance(trained, Training) else Training.load(trained)
-    task = evaluation_task(run, chosen, extra)
-    rollouts = run_episodes(task, run.policy, exploration(chosen))
+    run = read_trained(trained) if isinstance(trained, Path | str) else trained
+    return tested(task_for(run, chosen, extra), run.policy, chosen)
+
+
+def task_for(
+    trained: Training | Trained, config: EvaluateConfig, extra: Sequence[Perturbation] = ()
+) -> BatchTask:
+    """The task of a test for a run: its robot, rewards and observations."""
+    run = trained.config
+    return evaluation_task(
+        run.task, config, extra, reading=run.reading, alive_bonus=run.alive_bonus
+    )
+
+
+def tested(task: BatchTask, policy: GaussianPolicy, config: EvaluateConfig) -> pd.DataFrame:
+    """One run in every world; columns as in :data:`RUN_COLUMNS`."""
+    rollouts = run_episodes(task, acting(policy, config), exploration(config))
     return pd.DataFrame(
         {
-            "run": np.arange(chosen.runs),
+            "run": np.arange(config.runs),
             "return": rollouts.episode_returns,
             "length": rollouts.lengths,
             "terminated": rollouts.terminated,
         }
     )
+
+
+class _Acting:
+    """A policy that acts and does not learn; see :func:`acting`."""
+
+    keeps_hidden = False
+
+    def __init__(self, policy: GaussianPolicy, config: EvaluateConfig) -> None:
+        self._policy, self._config = policy, config
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._policy, name)
+
+    def step(self, observation: Tensor, before: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
+        if not self._config.memory:
+            state = self._policy.initial_state(len(observation))
+        if not self._config.previous_action:
+            before = torch.zeros_like(before)
+        return self._policy.step(observation, before, state)
+
+
+def acting(policy: GaussianPolicy, config: EvaluateConfig) -> GaussianPolicy:
+    """A policy as it acts in a test: with or without memory and its last action."""
+    return cast(GaussianPolicy, _Acting(policy, config))
 
 
 def exploration(config: EvaluateConfig) -> np.random.Generator | None:
@@ -350,7 +287,7 @@ def summarised(table: pd.DataFrame) -> pd.DataFrame:
 
 def write(
     table: pd.DataFrame,
-    trained: Training,
+    trained: Training | Trained,
     config: EvaluateConfig,
     out: Path | str,
     *,

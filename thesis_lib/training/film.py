@@ -14,11 +14,13 @@ from thesis_lib.optimisation import run_episodes
 from thesis_lib.policies import GaussianPolicy
 from thesis_lib.training.evaluation import (
     EvaluateConfig,
-    evaluation_task,
+    acting,
     exploration,
     ground_of,
+    task_for,
 )
 from thesis_lib.training.run import Training
+from thesis_lib.training.trained import Trained, read_trained
 
 FILM_FORMATS = (".webp", ".gif", ".png")
 """Suffixes of the animated pictures a film can be written to."""
@@ -69,7 +71,7 @@ def check_film(path: Path | str, config: EvaluateConfig, run: int = 0) -> Path:
 
 
 def film(
-    trained: Training | Path | str,
+    trained: Training | Trained | Path | str,
     path: Path | str,
     config: EvaluateConfig | None = None,
     *,
@@ -103,9 +105,9 @@ def film(
 
     chosen = config or EvaluateConfig()
     target = check_film(path, chosen, run)
-    loaded = trained if isinstance(trained, Training) else Training.load(trained)
-    task = evaluation_task(loaded, chosen)
-    states = positions(task, loaded.policy, run, exploration(chosen))
+    loaded = read_trained(trained) if isinstance(trained, Path | str) else trained
+    task = task_for(loaded, chosen)
+    states = positions(task, acting(loaded.policy, chosen), run, exploration(chosen))
     every = max(1, round(1 / (FRAMES_A_SECOND * task.task.robot.control_dt)))
     robot = task.task.robot.name
     ground = ground_of(chosen, robot, run)

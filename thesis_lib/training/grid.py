@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from thesis_lib.checks import plain_settings
 from thesis_lib.policies import ARCHITECTURES
 from thesis_lib.training.config import TASK_NAMES, TrainConfig, idle_settings
 
@@ -51,6 +52,7 @@ class Grid:
     nets on which they have no effect are left out."""
 
     def __post_init__(self) -> None:
+        plain_settings(self)
         for f in dataclasses.fields(self):
             values = getattr(self, f.name)
             if not values and f.name != "variants":
@@ -139,30 +141,3 @@ def run_name(config: TrainConfig) -> str:
     if parts[-1] == DEFAULT:
         parts.pop()
     return "-".join(parts).lower().replace(", ", "-").replace("=", "-")
-
-
-STEP_COST: Mapping[tuple[str, str], float] = {
-    ("Swimmer", "flat"): 40.0,
-    ("Swimmer", "hill"): 240.0,
-    ("Hopper", "flat"): 35.0,
-    ("Hopper", "hill"): 52.0,
-    ("HalfCheetah", "flat"): 19.0,
-    ("HalfCheetah", "hill"): 23.0,
-    ("Walker2d", "flat"): 26.0,
-    ("Walker2d", "hill"): 30.0,
-    ("Ant", "flat"): 78.0,
-    ("Ant", "hill"): 89.0,
-}
-"""Processor microseconds a control step takes, about, learning from it included; median over the
-nets of section 5.2 but Ant's ESN, measured in batches of 50,000."""
-
-ANT_ESN_COST = 570.0
-"""The same for the ESN on the Ant, whose reservoir has 3,256 units."""
-
-
-def cost(config: TrainConfig) -> float:
-    """About how many processor seconds a run takes from its first iteration to its last."""
-    micro = STEP_COST[config.task, config.terrain]
-    if config.task == "Ant" and config.architecture == "esn":
-        micro = ANT_ESN_COST
-    return config.iterations * config.batch_steps * micro * 1e-6

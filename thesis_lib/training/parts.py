@@ -8,6 +8,7 @@ import numpy as np
 
 from thesis_lib.locomotion import BatchTask, make_task
 from thesis_lib.locomotion.perturbations import SUBSETS
+from thesis_lib.locomotion.tasks import Task
 from thesis_lib.locomotion.terrain import hill_maps
 from thesis_lib.optimisation import PPO, TRPO, VPG, LinearBaseline, NaturalPG, ValueNetwork
 from thesis_lib.optimisation.problem import Algorithm
@@ -24,9 +25,13 @@ from thesis_lib.training.config import (
 )
 
 
+def make_run_task(config: TrainConfig) -> Task:
+    """The task of a run: robot, rewards and observations."""
+    return make_task(config.task, reading=config.reading, alive_bonus=config.alive_bonus)  # type: ignore[arg-type]
+
+
 def make_batch_task(config: TrainConfig) -> BatchTask:
     """The task of a run, in its worlds."""
-    task = make_task(config.task, reading=config.reading, alive_bonus=config.alive_bonus)  # type: ignore[arg-type]
     n_worlds = config.worlds
     if n_worlds is None:
         n_worlds = max(1, min(100, config.batch_steps // config.horizon))
@@ -36,7 +41,7 @@ def make_batch_task(config: TrainConfig) -> BatchTask:
         maps = hill_maps(config.maps, config.difficulty, seed, robot=config.task)
         terrain = [maps[i % len(maps)] for i in range(n_worlds)]
     return BatchTask(
-        task,
+        make_run_task(config),
         n_worlds,
         threads=config.threads,
         seed=config.seed,
@@ -45,8 +50,9 @@ def make_batch_task(config: TrainConfig) -> BatchTask:
     )
 
 
-def make_run_policy(config: TrainConfig, task: BatchTask) -> GaussianPolicy:
+def make_run_policy(config: TrainConfig) -> GaussianPolicy:
     """The policy of a run before training."""
+    task = make_run_task(config)
     options: dict[str, Any] = {"initial_log_std": config.initial_log_std}
     # What a sweep sets for all its runs goes to the nets that have it.
     idle = idle_settings(config)
@@ -82,7 +88,7 @@ def make_run_policy(config: TrainConfig, task: BatchTask) -> GaussianPolicy:
         config.architecture,
         task.observation_size,
         task.action_size,
-        dt=task.task.robot.control_dt,
+        dt=task.robot.control_dt,
         seed=config.seed,
         units=None if "units" in idle else config.units,
         features=features,

@@ -7,11 +7,12 @@ it would have reached without.
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import json
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,7 @@ from thesis_lib.training.checkpoint import (
 )
 from thesis_lib.training.config import SEED_KEYS, TrainConfig, differences, step_size
 from thesis_lib.training.parts import baseline, make_algorithm, make_batch_task, make_run_policy
+from thesis_lib.training.trained import Best, saved_best, saved_config, take_up_policy
 
 CURVE_COLUMNS: Mapping[str, str] = {
     "iteration": "iteration of the learning algorithm, from 1",
@@ -66,25 +68,6 @@ class TrainingStopped(ForeseenError):  # noqa: N818 - it names what happened to 
     """A number that is not finite, or a full disk, ended a run; the message says when and why."""
 
 
-@dataclass(frozen=True)
-class Best:
-    """The policy of the best batch of a run.
-
-    Attributes
-    ----------
-    iteration
-        Which batch that was, from 1.
-    mean_return
-        Mean return of its episodes.
-    parameters
-        What the policy that collected it had learned (``parameter_vector``).
-    """
-
-    iteration: int
-    mean_return: float
-    parameters: torch.Tensor
-
-
 class Training:
     """A training run in progress.
 
@@ -106,7 +89,7 @@ class Training:
     def __init__(self, config: TrainConfig) -> None:
         self.config = config
         self.task = make_batch_task(config)
-        self.policy = make_run_policy(config, self.task)
+        self.policy = make_run_policy(config)
         self.learner = Learner(
             self.policy,
             make_algorithm(config),
@@ -135,9 +118,26 @@ class Training:
         ------
         TrainingStopped
             When a number is not finite.  The policy may be spoilt then.
+        KeyboardInterrupt
+            When it is interrupted; the run is then as it was before the iteration.
         """
-        wall, start = time.perf_counter(), time.process_time()
         before = self.policy.parameter_vector()
+        learner = copy.deepcopy(self._learner_state())
+        done, best = self.iteration, self.best
+        try:
+            return self._step(before)
+        except KeyboardInterrupt:
+            # As if the iteration had not begun, so that the run can be saved.
+            self.policy.set_parameter_vector(before)
+            self.learner.baseline.load_state_dict(learner["baseline"])
+            if isinstance(self.learner.algorithm, PPO):
+                self.learner.algorithm.load_state_dict(learner["algorithm"])
+            self.iteration, self.best = done, best
+            del self.rows[done:]
+            raise
+
+    def _step(self, before: torch.Tensor) -> dict[str, Any]:
+        wall, start = time.perf_counter(), time.process_time()
         try:
             self.task.reseed(self._seed("task"))
             generator = np.random.default_rng(self._seed("noise"))
@@ -158,6 +158,14 @@ class Training:
         if self.best is None or row["mean_return"] > self.best.mean_return:
             self.best = Best(self.iteration, row["mean_return"], before)
         return row
+
+    def _learner_state(self) -> dict[str, Any]:
+        """What learning remembers besides the policy."""
+        algorithm = self.learner.algorithm
+        return {
+            "baseline": self.learner.baseline.state_dict(),
+            "algorithm": algorithm.state_dict() if isinstance(algorithm, PPO) else None,
+        }
 
     def _row(self, rollouts: Rollouts, report: UpdateReport) -> dict[str, Any]:
         returns = rollouts.episode_returns
@@ -203,16 +211,19 @@ class Training:
                 f"({error.strerror}): make room, and give the same command again."
             ) from error
 
+    @cached_property
+    def _made_by(self) -> dict[str, Any]:
+        """Code, versions and commit when the run was first saved: a later commit is not theirs."""
+        return {"code": code_digest(), **environment()}
+
     def _save(self, folder: Path) -> Path:
-        algorithm = self.learner.algorithm
         content = {
             "format": FORMAT,
             "config": dataclasses.asdict(self.config),
             "delta_kl": step_size(self.config),
             "iteration": self.iteration,
             "policy": self.policy.state_dict(),
-            "baseline": self.learner.baseline.state_dict(),
-            "algorithm": algorithm.state_dict() if isinstance(algorithm, PPO) else None,
+            **self._learner_state(),
             "rows": self.rows,
             "best": None if self.best is None else vars(self.best),
             "made_with": made_with(),
@@ -229,8 +240,7 @@ class Training:
                 "parameters": self.policy.n_trainable,
                 "iteration": self.iteration,
                 "columns": dict(CURVE_COLUMNS),
-                "code": code_digest(),
-                **environment(),
+                **self._made_by,
             }
             temporary.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
         return path
@@ -261,11 +271,7 @@ class Training:
             another run.
         """
         content = read_checkpoint(path)
-        try:
-            saved = TrainConfig(**content["config"])
-        except (TypeError, ValueError) as error:
-            what = f"a setting this version does not have ({str(error).rstrip('.')})"
-            raise foreign(path, what) from error
+        saved = saved_config(content, path)
         if not any_version:
             check_made_with(content, path)
         if config is not None:
@@ -286,16 +292,7 @@ class Training:
 
     def _take_up(self, content: Mapping[str, Any], path: Path | str) -> None:
         """Set everything a run has learned from its checkpoint's content."""
-        try:
-            self.policy.load_state_dict(content["policy"])
-        except RuntimeError as error:
-            raise foreign(
-                path, f"parameters that are not those of {self.config.architecture}"
-            ) from error
-        try:
-            self.policy.check_finite()
-        except FloatingPointError as error:
-            raise foreign(path, "a parameter that is not finite") from error
+        take_up_policy(self.policy, content, path)
         baseline, algorithm = self.learner.baseline, self.learner.algorithm
         step = np.zeros((1, self.policy.feature_size)), np.zeros(1, dtype=np.int64)
         try:
@@ -312,10 +309,7 @@ class Training:
                 raise foreign(path, "no state of ppo") from error
         self.iteration = content["iteration"]
         self.rows = content["rows"]
-        try:
-            self.best = None if content["best"] is None else Best(**content["best"])
-        except (KeyError, TypeError) as error:
-            raise foreign(path, "no policy of its best batch") from error
+        self.best = saved_best(content, path)
         whole = (r for r in self.rows if isinstance(r, dict) and "steps" in r)
         if [r.get("iteration") for r in whole] != list(range(1, self.iteration + 1)):
             raise foreign(path, f"another curve than that of its {self.iteration} iterations")

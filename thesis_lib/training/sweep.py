@@ -1,29 +1,39 @@
-r"""Train a grid of policies side by side, and merge their learning curves.
+r"""Train a grid of policies side by side, on one machine or many.
 
-Every run is a process of its own with a directory of its own, so that a run that fails
-leaves the others alone, and a sweep that was killed goes on where its runs left off.
+Dask hands the runs out: to processes of this machine, a core each, or to the workers of any
+scheduler.  Every run has a directory of its own, so that a run that fails leaves the others
+alone, and a sweep that was killed, or whose workers or scheduler were, goes on where its runs
+left off.
 """
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
 import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any
 
-from thesis_lib.files import writable_directory
+from dask.base import tokenize
+from distributed import Client, Future, Status, as_completed, get_worker
+from distributed.scheduler import KilledWorker
+from distributed.worker import thread_state
+
+from thesis_lib.training.cluster import connected
 from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.curves import progress
-from thesis_lib.training.grid import cost, first_repeated, run_name
-from thesis_lib.training.run import TrainingStopped
+from thesis_lib.training.grid import first_repeated, run_name
+from thesis_lib.training.plan import cost, memory
+from thesis_lib.training.run import Training, TrainingStopped
+from thesis_lib.training.store import Store
 from thesis_lib.training.train import train, use_one_thread
+
+PATIENCE = 600.0
+"""Seconds a run waits for a process that is still in its directory, such as one that has not yet
+noticed that its scheduler is gone."""
+
+_TOPIC = "thesis-sweep"
 
 
 @dataclass(frozen=True)
@@ -42,21 +52,16 @@ class Outcome:
     error: str | None = None
 
 
-@dataclass
-class _Active:
-    """A run that is being trained in a process of its own."""
-
-    config: TrainConfig
-    process: BaseProcess
-    iteration: int = 0
-    error: str | None = None
+class SchedulerLost(TrainingStopped):
+    """The scheduler of a sweep ended; the runs go on from their checkpoints with the next one."""
 
 
 def sweep(
     configs: Sequence[TrainConfig],
     runs: Path | str,
     *,
-    workers: int = 1,
+    workers: int | None = None,
+    scheduler: str | Client | None = None,
     any_version: bool = False,
     report: Callable[[Outcome, int], None] | None = None,
 ) -> list[Outcome]:
@@ -67,9 +72,14 @@ def sweep(
     configs
         The runs.
     runs
-        Directory in which each has its own, named by :func:`run_name`.
+        Directory or URL (:class:`~thesis_lib.training.store.Store`) in which each has its own
+        directory, named by :func:`run_name`.
     workers
-        Processes at a time, each on one thread; no result depends on their number.
+        Processes of this machine, or SLURM jobs, each on one thread; default one a core.  No
+        result depends on their number.
+    scheduler
+        Address of a Dask scheduler whose workers train instead, such as ``tcp://head:8786``;
+        ``slurm``; or a client.  All must see the same directory or URL.
     any_version
         Whether to go on with runs that other code or other versions made.
     report
@@ -83,135 +93,175 @@ def sweep(
     Raises
     ------
     ValueError
-        When there are no workers or two runs have the same name.
+        When there are no workers, no scheduler, or two runs of the same name.
+    SchedulerLost
+        When the scheduler ends before the runs do.
     """
-    if workers < 1:
-        raise ValueError(f"workers is {workers}, but at least 1 worker is needed.")
     names = [run_name(c) for c in configs]
     if len(set(names)) < len(names):
         raise ValueError(f"two runs of the sweep are called {first_repeated(names)!r}.")
-    folder = writable_directory(runs)
+    store = Store(runs)
     outcomes: dict[str, Outcome] = {}
-    line = _Line(len(configs))
-    for outcome in _outcomes(configs, folder, workers, any_version, line):
+
+    def ended(outcome: Outcome) -> None:
         outcomes[run_name(outcome.config)] = outcome
-        line.clear()
+        line.ended(outcome)
         if report is not None:
             report(outcome, len(outcomes))
+
+    for name in names:
+        store.pull(name)
+    begun = {name: progress(c, store.folder) for name, c in zip(names, configs, strict=True)}
+    line = _Line(configs, begun)
+    waiting = []
+    for config in configs:
+        if begun[run_name(config)] == config.iterations:
+            ended(Outcome(config))
+        else:
+            waiting.append(config)
+    if waiting:
+        gigabytes = max(map(memory, waiting))
+        with connected(len(waiting), workers, scheduler, gigabytes) as client:
+            for outcome in _outcomes(client, in_order(waiting), store, any_version, line):
+                store.pull(run_name(outcome.config))
+                ended(outcome)
     return [outcomes[name] for name in names]
 
 
+def in_order(configs: Sequence[TrainConfig]) -> list[TrainConfig]:
+    """The runs as they are handed out.
+
+    A long run that starts last would be waited for by idle workers; seeds come first, so that
+    at any moment the grid is whole for as many seeds as can be.
+    """
+    return sorted(configs, key=lambda config: (config.seed, -cost(config)))
+
+
 def _outcomes(
-    configs: Sequence[TrainConfig],
-    folder: Path,
-    workers: int,
-    any_version: bool,
-    line: _Line,
+    client: Client, configs: Sequence[TrainConfig], store: Store, any_version: bool, line: _Line
 ) -> Iterator[Outcome]:
     """Outcomes in the order in which the runs end."""
-    # Not forked: a fork of a process whose libraries have threads may hang.
-    spawn = multiprocessing.get_context("spawn")
-    waiting = []
-    for config in configs:
-        if progress(config, folder) == config.iterations:
-            line.done += 1
-            yield Outcome(config)
-        else:
-            waiting.append(config)
-    # A long run that starts last would be waited for by idle workers; seeds come first, so that at
-    # any moment the grid is whole for as many seeds as can be.
-    waiting.sort(key=lambda config: (config.seed, -cost(config)))
-    active: dict[Connection, _Active] = {}
+    client.subscribe_topic(_TOPIC, lambda event: line.iteration(*event[1]))
+    futures: dict[Future, TrainConfig] = {}
+    for i, config in enumerate(configs):
+        arguments = (config, store.place, any_version)
+        key = ("train", run_name(config), tokenize(*arguments))
+        futures[client.submit(_work, *arguments, key=key, priority=-i)] = config
     try:
-        while waiting or active:
-            while waiting and len(active) < workers:
-                config = waiting.pop(0)
-                ours, theirs = spawn.Pipe(duplex=False)
-                path = folder / run_name(config)
-                process = spawn.Process(target=_work, args=(config, path, any_version, theirs))
-                process.start()
-                theirs.close()
-                active[ours] = _Active(config, process, progress(config, folder))
-            ready: list[Any] = wait(list(active))
-            for channel in ready:
-                run = active[channel]
-                try:
-                    message = channel.recv()
-                except EOFError:
-                    del active[channel]
-                    run.process.join()
-                    line.done += 1
-                    yield Outcome(run.config, _cause(run))
-                    continue
-                if isinstance(message, str):
-                    run.error = message
-                else:
-                    run.iteration = message
-                    line.trained += 1
-                line.show(list(active.values()), waiting)
+        for future in as_completed(futures):
+            if future.status == "cancelled":
+                raise SchedulerLost(
+                    f"the scheduler ended; the runs are kept in {store.place}: give the same "
+                    "command again to go on from their last checkpoints."
+                )
+            yield Outcome(futures[future], _error(future))
     finally:
-        for run in active.values():
-            run.process.terminate()
-        for run in active.values():
-            run.process.join()
+        client.unsubscribe_topic(_TOPIC)
+        # Workers that are still training save what they have, and stop.
+        client.cancel(list(futures), msg="the sweep ended")
 
 
-def _cause(run: _Active) -> str | None:
-    """What stopped a run whose process has ended."""
-    code = run.process.exitcode
-    if run.error is not None or code == 0:
-        return run.error
-    if code is not None and code < 0:
+def _error(future: Future) -> str | None:
+    """What stopped a run that has ended."""
+    if future.status == "finished":
+        error: str | None = future.result()
+        return error
+    cause = future.exception()
+    if isinstance(cause, KilledWorker):
         return (
-            f"its process was ended by {signal.Signals(-code).name} after iteration "
-            f"{run.iteration}; give the same command again to go on from its last checkpoint."
+            "its worker process died again and again, as for want of memory; give the same "
+            "command again to go on from its last checkpoint."
         )
-    return f"its process ended with status {code}."
+    return f"{type(cause).__name__}: {cause}"
 
 
-def _work(config: TrainConfig, folder: Path, any_version: bool, channel: Connection) -> None:
-    """Train one run and tell the parent of every iteration, or of what stopped it."""
-    # Ctrl-C reaches the whole group; the parent ends its children in good order.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _work(config: TrainConfig, place: str, any_version: bool) -> str | None:
+    """Train one run in a worker; what stopped it, None when it finished."""
     use_one_thread()
+    worker, key, name = get_worker(), thread_state.key, run_name(config)
+    told = 0.0
+
+    def report(run: Training) -> None:
+        nonlocal told
+        last = run.iteration == config.iterations
+        if last or run.iteration % config.checkpoint_every == 0:
+            store.push(name)
+        if last or time.monotonic() - told > 1:
+            told = time.monotonic()
+            worker.log_event(_TOPIC, (name, run.iteration))
+        task = worker.state.tasks.get(key)
+        if worker.status != Status.running or task is None or task.state == "cancelled":
+            raise KeyboardInterrupt  # nobody waits for this run any more
+
     try:
-        # Without a parent to listen, send fails and the run ends with it.
+        store = Store(place)
+        store.pull(name)
         train(
-            config,
-            folder,
-            any_version=any_version,
-            report=lambda run: channel.send(run.iteration),
+            config, store.folder / name, any_version=any_version, report=report, patience=PATIENCE
         )
     except (TrainingStopped, ValueError) as error:
-        channel.send(str(error))
-    except BrokenPipeError:
-        sys.exit(1)
+        return str(error)
+    except KeyboardInterrupt:
+        store.push(name)
+        return "it was stopped; give the same command again to go on from its last checkpoint."
     except Exception as error:  # a fault of ours: the sweep goes on, and the place is shown
         traceback.print_exc()
-        channel.send(f"{type(error).__name__}: {error}")
+        return f"{type(error).__name__}: {error}"
+    return None
 
 
 @dataclass
 class _Line:
-    """One line of progress, overwritten, on a terminal and nowhere else."""
+    """One line of progress over all runs, overwritten, on a terminal and nowhere else."""
 
-    total: int
+    configs: Sequence[TrainConfig]
+    begun: dict[str, int]
     done: int = 0
-    trained: int = 0
-    start: float = field(default_factory=time.perf_counter)
+    failed: int = 0
+    start: float = field(default_factory=time.monotonic)
     shown: bool = field(default_factory=lambda: sys.stderr.isatty())
 
-    def show(self, active: Sequence[_Active], waiting: Sequence[TrainConfig]) -> None:
-        if not self.shown or self.trained == 0:
-            return
-        left = sum(a.config.iterations - a.iteration for a in active)
-        left += sum(c.iterations for c in waiting)
-        seconds = left * (time.perf_counter() - self.start) / self.trained
-        hours, minutes = divmod(round(seconds / 60), 60)
-        now = ", ".join(f"{run_name(a.config)} {a.iteration}/{a.config.iterations}" for a in active)
-        text = f"{self.done}/{self.total} runs, about {hours} h {minutes:02d} min left; {now}"
-        print(f"\r{text[:119]:<119}", end="", file=sys.stderr, flush=True)
+    def __post_init__(self) -> None:
+        self.share = {run_name(c): cost(c) / c.iterations for c in self.configs}
+        self.left = {run_name(c): c.iterations for c in self.configs}
+        for name, iteration in self.begun.items():
+            self.left[name] -= iteration
+        self.total = self._left()
+        self.running: set[str] = set()
 
-    def clear(self) -> None:
+    def _left(self) -> float:
+        """About how many processor seconds all runs still need."""
+        return sum(self.share[name] * left for name, left in self.left.items())
+
+    def iteration(self, name: str, iteration: int) -> None:
+        """Take note of how far a run has come."""
+        (config,) = (c for c in self.configs if run_name(c) == name)
+        self.left[name] = config.iterations - iteration
+        self.running.add(name)
+        self._show()
+
+    def ended(self, outcome: Outcome) -> None:
+        """Take note of the end of a run."""
+        name = run_name(outcome.config)
+        self.running.discard(name)
+        self.left[name] = 0
+        self.done += outcome.error is None
+        self.failed += outcome.error is not None
         if self.shown:
             print(f"\r{'':<119}\r", end="", file=sys.stderr, flush=True)
+
+    def text(self, now: float) -> str:
+        """The line at a time of the monotonic clock, in seconds."""
+        left, spent = self._left(), now - self.start
+        text = f"{self.done} of {len(self.configs)} runs done, {len(self.running)} running"
+        text += f", {self.failed} failed" if self.failed else ""
+        if left < self.total:
+            seconds = left * spent / (self.total - left)
+            hours, minutes = divmod(round(seconds / 60), 60)
+            text += f", about {hours} h {minutes:02d} min left"
+        return text
+
+    def _show(self) -> None:
+        if self.shown:
+            text = self.text(time.monotonic())
+            print(f"\r{text[:119]:<119}", end="", file=sys.stderr, flush=True)

@@ -33,8 +33,11 @@ def train(
     resume: bool = True,
     any_version: bool = False,
     report: Callable[[Training], None] | None = None,
+    patience: float = 0.0,
 ) -> Training:
     """Run a training to its last iteration.
+
+    A run that is interrupted saves what it has learned up to the last whole iteration.
 
     Parameters
     ----------
@@ -48,6 +51,8 @@ def train(
         Whether to go on from one that other code or other versions made.
     report
         Called after every iteration.
+    patience
+        Seconds to wait for another process that trains in the directory.
 
     Returns
     -------
@@ -65,25 +70,30 @@ def train(
     if directory is None:
         return _train(config, None, resume, any_version, report)
     folder = writable_directory(directory)
-    with _alone(folder):
+    with _alone(folder, patience):
         return _train(config, folder, resume, any_version, report)
 
 
 @contextmanager
-def _alone(folder: Path) -> Iterator[None]:
+def _alone(folder: Path, patience: float) -> Iterator[None]:
     """Hold a directory, so that no two processes train into it at once.
 
     The lock goes with the process however it ends, and leaves no file behind.
     """
     handle = os.open(folder, os.O_RDONLY)
+    give_up = time.monotonic() + patience
     try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise ValueError(
-                f"another process is training in {str(folder)!r}: wait for it, or choose another "
-                "directory."
-            ) from None
+        while True:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except OSError:
+                if time.monotonic() >= give_up:
+                    raise ValueError(
+                        f"another process is training in {str(folder)!r}: wait for it, or choose "
+                        "another directory."
+                    ) from None
+            time.sleep(0.2)
         yield
     finally:
         os.close(handle)
@@ -120,6 +130,10 @@ def _train(
                 run.save(folder)
             if report is not None:
                 report(run)
+    except KeyboardInterrupt:
+        if folder is not None:
+            run.save(folder)
+        raise
     except TrainingStopped as error:
         if folder is None:
             raise

@@ -1,4 +1,4 @@
-"""Trained policies in one small file, which the book can carry.
+"""Trained policies: read from a run's checkpoint, or from one small file the book can carry.
 
 Such a file holds what training changed, a parameter vector a run, beside the settings from
 which the rest is made again: an echo state network's reservoir comes from its seed.
@@ -7,18 +7,118 @@ which the rest is made again: an echo state network's reservoir comes from its s
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import torch
 
-from thesis_lib.training.checkpoint import write_tensors
+from thesis_lib.policies import GaussianPolicy
+from thesis_lib.training.checkpoint import foreign, read_checkpoint, write_tensors
 from thesis_lib.training.config import TrainConfig
-from thesis_lib.training.run import Best, Training
+from thesis_lib.training.parts import make_run_policy
 
 FORMAT = 1
 """Format of the file."""
+
+LAST = 5
+"""Batches whose mean return says how well a net did at the end."""
+
+
+@dataclass(frozen=True)
+class Best:
+    """The policy of the best batch of a run.
+
+    Attributes
+    ----------
+    iteration
+        Which batch that was, from 1.
+    mean_return
+        Mean return of its episodes.
+    parameters
+        What the policy that collected it had learned (``parameter_vector``).
+    """
+
+    iteration: int
+    mean_return: float
+    parameters: torch.Tensor
+
+
+@dataclass
+class Trained:
+    """What training came to.
+
+    Attributes
+    ----------
+    config
+        The run.
+    policy
+        As the last iteration left it.
+    iteration
+        Iterations done.
+    best
+        The policy of the best batch, None where it was not kept.
+    last_return
+        Mean return of the last :data:`LAST` batches, NaN where it was not kept.
+    """
+
+    config: TrainConfig
+    policy: GaussianPolicy
+    iteration: int
+    best: Best | None
+    last_return: float = math.nan
+
+
+def read_trained(path: Path | str) -> Trained:
+    """The policy in a checkpoint, or in the one of a directory.
+
+    Raises
+    ------
+    FileNotFoundError
+        When there is no checkpoint.
+    ValueError
+        When it cannot be read, has another format or lacks something.
+    """
+    content = read_checkpoint(path)
+    config = saved_config(content, path)
+    policy = make_run_policy(config)
+    take_up_policy(policy, content, path)
+    last = [row["mean_return"] for row in content["rows"][-LAST:]]
+    last_return = sum(last) / len(last) if last else math.nan
+    best = saved_best(content, path)
+    return Trained(config, policy, content["iteration"], best, last_return)
+
+
+def saved_config(content: Mapping[str, Any], path: Path | str) -> TrainConfig:
+    """The run a checkpoint is of; ValueError where this version has no such settings."""
+    try:
+        return TrainConfig(**content["config"])
+    except (TypeError, ValueError) as error:
+        what = f"a setting this version does not have ({str(error).rstrip('.')})"
+        raise foreign(path, what) from error
+
+
+def take_up_policy(policy: GaussianPolicy, content: Mapping[str, Any], path: Path | str) -> None:
+    """Set a policy to what a checkpoint holds; ValueError where that does not fit it."""
+    try:
+        policy.load_state_dict(content["policy"])
+    except RuntimeError as error:
+        net = content["config"]["architecture"]
+        raise foreign(path, f"parameters that are not those of {net}") from error
+    try:
+        policy.check_finite()
+    except FloatingPointError as error:
+        raise foreign(path, "a parameter that is not finite") from error
+
+
+def saved_best(content: Mapping[str, Any], path: Path | str) -> Best | None:
+    """The policy of the best batch in a checkpoint."""
+    try:
+        return None if content["best"] is None else Best(**content["best"])
+    except (KeyError, TypeError) as error:
+        raise foreign(path, "no policy of its best batch") from error
 
 
 def write_policies(runs: Sequence[tuple[str, Path]], path: Path | str) -> dict[str, str]:
@@ -40,7 +140,7 @@ def write_policies(runs: Sequence[tuple[str, Path]], path: Path | str) -> dict[s
     unread: dict[str, str] = {}
     for name, directory in runs:
         try:
-            run = Training.load(directory)
+            run = read_trained(directory)
         except ValueError as error:
             unread[name] = str(error)
             continue
@@ -49,6 +149,7 @@ def write_policies(runs: Sequence[tuple[str, Path]], path: Path | str) -> dict[s
             "iteration": run.iteration,
             "parameters": run.policy.parameter_vector(),
             "best": None if run.best is None else vars(run.best),
+            "last_return": run.last_return,
         }
     write_tensors({"format": FORMAT, "policies": policies}, Path(path))
     return unread
@@ -94,8 +195,8 @@ class TrainedPolicies:
         """Names of the runs, such as ``hopper-flat-gru-0-float32``."""
         return tuple(self._policies)
 
-    def load(self, name: str) -> Training:
-        """A run with its trained policy; what else training had learned is not there.
+    def load(self, name: str) -> Trained:
+        """What a run came to.
 
         Parameters
         ----------
@@ -113,12 +214,14 @@ class TrainedPolicies:
             )
         kept = self._policies[name]
         try:
-            run = Training(TrainConfig(**kept["config"]))
-            run.policy.set_parameter_vector(kept["parameters"])
-            run.policy.check_finite()
-            run.iteration = int(kept["iteration"])
-            # Files of the first kind hold the last policies alone.
-            run.best = Best(**kept["best"]) if kept.get("best") else None
+            config = TrainConfig(**kept["config"])
+            policy = make_run_policy(config)
+            policy.set_parameter_vector(kept["parameters"])
+            policy.check_finite()
+            # The first of these files held the last policies alone.
+            best = Best(**kept["best"]) if kept.get("best") else None
+            last_return = kept.get("last_return", math.nan)
+            return Trained(config, policy, int(kept["iteration"]), best, last_return)
         except (
             AttributeError,
             FloatingPointError,
@@ -132,4 +235,3 @@ class TrainedPolicies:
                 f"run {name!r} in {str(self.path)!r} does not fit this version of thesis_lib "
                 f"({cause}): sweep again, or use the version that wrote it."
             ) from error
-        return run

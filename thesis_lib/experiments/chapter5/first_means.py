@@ -43,7 +43,7 @@ def first_means(config: FirstMeansConfig, context: Context) -> pd.DataFrame:
             task=robot, architecture=net, seed=context.seed + index, batch_steps=config.steps
         )
         task = make_batch_task(run)
-        policy = make_run_policy(run, task)
+        policy = make_run_policy(run)
         (noise,) = context.seeds(1, 5, 12, list(ROBOTS).index(robot), index)
         rollouts = collect(task, policy, config.steps, np.random.default_rng(noise))
         batch = make_batch(policy, rollouts, np.zeros(len(rollouts.rewards)))

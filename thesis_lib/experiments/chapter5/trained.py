@@ -14,8 +14,7 @@ from thesis_lib.experiments.chapter5.architectures import GainConfig, gains_of, 
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.policies import CTRNN
 from thesis_lib.training.parts import make_run_policy
-from thesis_lib.training.run import Training
-from thesis_lib.training.trained import TrainedPolicies
+from thesis_lib.training.trained import Trained, TrainedPolicies
 
 
 @dataclass(frozen=True)
@@ -32,12 +31,12 @@ class TrainedConfig:
     """Steps of a segment of the spectrum."""
 
 
-def _saved(config: TrainedConfig) -> list[Training]:
+def _saved(config: TrainedConfig) -> list[Trained]:
     file = TrainedPolicies(repository_root() / Path(config.policies))
     return [file.load(name) for name in file.names]
 
 
-def net_name(run: Training) -> str:
+def net_name(run: Trained) -> str:
     """Name of a run's network; of a CTRNN with the initial time constant."""
     name = run.config.architecture.upper()
     return f"{name}, {run.config.time_constant:g} s" if name == "CTRNN" else name
@@ -47,12 +46,12 @@ def gains(config: TrainedConfig, context: Context) -> pd.DataFrame:
     """Gain over frequency of every network, before and after training."""
     measured = GainConfig(amplitude=config.amplitude, steps=config.steps, segment=config.segment)
 
-    def measure(run: Training) -> pd.DataFrame:
+    def measure(run: Trained) -> pd.DataFrame:
         seed = run.config.seed
         dt = ROBOTS[run.config.task].control_dt
         along, noise = context.seeds(2, seed)
         direction = random_direction(run.policy.observation_size, along)
-        stages = {"before": make_run_policy(run.config, run.task), "after": run.policy}
+        stages = {"before": make_run_policy(run.config), "after": run.policy}
         tables = [
             gains_of(policy, dt, direction, np.random.default_rng(noise), measured).assign(
                 stage=stage

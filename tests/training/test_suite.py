@@ -1,0 +1,161 @@
+"""Tests of all policies of a store: each as if it were tested alone, and which of them counts."""
+
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+from distributed import Client
+from scipy import stats
+
+from thesis_lib import cli
+from thesis_lib.training.config import TrainConfig
+from thesis_lib.training.curves import LAST, write
+from thesis_lib.training.evaluation import EvaluateConfig, acting, evaluate
+from thesis_lib.training.grid import Grid, run_name
+from thesis_lib.training.suite import BEST_COLUMNS, COLUMNS, SuiteConfig, best, evaluate_all
+from thesis_lib.training.train import train, use_one_thread
+from thesis_lib.training.trained import read_trained
+
+SMALL = TrainConfig(batch_steps=60, horizon=20, iterations=2)
+FEW = SuiteConfig(runs=3, steps=130)
+"""Long enough for the noise, which begins at step 100, though robots may fall before."""
+CONFIGS = Grid(("half-cheetah",), ("flat",), ("ffwd", "gru"), (0, 1)).runs(SMALL)
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[Client]:
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": "127.0.0.1:0"}
+    with Client(processes=False, **options) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    use_one_thread()
+    folder = tmp_path_factory.mktemp("store")
+    for config in CONFIGS:
+        train(config, folder / "runs" / run_name(config))
+    write(CONFIGS, folder / "runs", folder / "out", command="thesis sweep")
+    return folder
+
+
+def test_every_policy_is_tested_as_if_alone(store: Path, client: Client) -> None:
+    table = evaluate_all(store / "runs", FEW, scheduler=client)
+    assert list(table.columns) == list(COLUMNS)
+    assert len(table) == len(CONFIGS) * 3 * 3
+    conditions = {
+        "base": (),
+        "noise": ("WhiteNoise(sigma=1.0, onset=100)",),
+        "switch": ("TerrainSwitch(difficulty=1.0)",),
+    }
+    for config in CONFIGS:
+        mine = table[(table.architecture == config.architecture) & (table.seed == config.seed)]
+        curve = pd.read_csv(store / "runs" / run_name(config) / "curve.csv")
+        assert set(mine.run) == {run_name(config)}
+        assert set(mine.last_return) == {curve.mean_return.tail(LAST).mean()}
+        for condition, perturbations in conditions.items():
+            test = EvaluateConfig(
+                runs=3, steps=130, termination="train", perturbations=perturbations
+            )
+            alone = evaluate(store / "runs" / run_name(config), test)
+            assert mine[mine.condition == condition]["return"].tolist() == alone["return"].tolist()
+    # A file of policies holds the same ones.
+    again = evaluate_all(store / "out" / "policies.pt", FEW, scheduler=client)
+    order = ["run", "condition", "test"]
+    pd.testing.assert_frame_equal(
+        table.sort_values(order, ignore_index=True), again.sort_values(order, ignore_index=True)
+    )
+
+
+def test_the_policy_of_the_best_batch(store: Path, client: Client) -> None:
+    name = run_name(CONFIGS[0])
+    config = dataclasses.replace(FEW, policy="best", conditions=("base",))
+    table = evaluate_all(store / "runs", config, names=[name], scheduler=client)
+    trained = read_trained(store / "runs" / name)
+    assert trained.best is not None
+    trained.policy.set_parameter_vector(trained.best.parameters)
+    alone = evaluate(trained, FEW.test("base"))
+    assert table["return"].tolist() == alone["return"].tolist()
+    # The batch of iteration k was collected by what k - 1 iterations had learned.
+    assert set(table.iteration) == {trained.best.iteration - 1}
+
+
+def made_up() -> pd.DataFrame:
+    """Two seeds of a net with three runs each."""
+    rows = [
+        {"seed": seed, "last_return": last, "test": i, "return": value}
+        for seed, last, values in ((0, 5.0, (1.0, 2.0, 6.0)), (1, 4.0, (7.0, 8.0, 9.0)))
+        for i, value in enumerate(values)
+    ]
+    keys = {"task": "Hopper", "terrain": "flat", "architecture": "gru"}
+    return pd.DataFrame(rows).assign(
+        **keys, precision="float32", variant="default", condition="base"
+    )
+
+
+def test_rules_by_hand() -> None:
+    (row,) = best(made_up()).to_dict("records")
+    assert list(row) == list(BEST_COLUMNS)
+    # seed 0 ended training best, though its tests are worse
+    assert (row["seeds"], row["seed"], row["mean_return"]) == (1, 0, 3.0)
+    assert row["se_runs"] == pytest.approx(stats.sem([1.0, 2.0, 6.0]))
+    (row,) = best(made_up(), "all").to_dict("records")
+    assert (row["seeds"], row["mean_return"]) == (2, 5.5)
+    assert row["se_seeds"] == pytest.approx(stats.sem([3.0, 8.0]))
+    with pytest.raises(ValueError, match="rule 'worst' does not exist: choose one of seed, all"):
+        best(made_up(), "worst")
+    with pytest.raises(ValueError, match="needs the returns training ended with"):
+        best(made_up().assign(last_return=np.nan))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"conditions": ("rain",)}, "conditions 'rain' does not exist: choose among base"),
+        ({"conditions": ()}, "but they must be some of base"),
+        ({"policy": "first"}, "policy 'first' does not exist: choose among last, best"),
+        ({"noise": -1.0}, "sigma is -1.0"),
+        ({"correlation_time": -1.0}, "correlation_time is -1.0"),
+        ({"termination": "sometimes"}, "termination 'sometimes' does not exist"),
+        ({"switch_at": "here"}, "switch_at is 'here', but it must be metres, or task"),
+    ],
+)
+def test_suites_that_cannot_be(options: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        SuiteConfig(**options)
+
+
+def test_memory_and_previous_action_can_be_taken_away(store: Path) -> None:
+    policy = read_trained(store / "runs" / run_name(CONFIGS[2])).policy  # a GRU
+    observation = torch.randn(3, policy.observation_size, dtype=torch.float64)
+    before = torch.randn(3, policy.action_size, dtype=torch.float64)
+    start = policy.initial_state(3)
+    with torch.no_grad():
+        _, state = policy.step(observation, before, start)
+        assert not torch.equal(state, start)
+        zero = torch.zeros_like(before)
+        for memory in (True, False):
+            for previous in (True, False):
+                config = EvaluateConfig(memory=memory, previous_action=previous)
+                mean, after = acting(policy, config).step(observation, before, state)
+                expected = policy.step(
+                    observation, before if previous else zero, state if memory else start
+                )
+                assert torch.equal(mean, expected[0])
+                assert torch.equal(after, expected[1])
+
+
+def test_the_command(store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["--runs", "2", "--steps", "20", "--conditions", "base", "hill"]
+    out = ["--out", str(tmp_path / "out"), "--workers", "1"]
+    assert cli.main(["test-policies", str(store / "runs"), *arguments, *out]) == 0
+    table = pd.read_parquet(tmp_path / "out" / "tests.parquet")
+    assert len(table) == len(CONFIGS) * 2 * 2
+    assert (tmp_path / "out" / "tests.json").exists()
+    assert "HalfCheetah" in capsys.readouterr().out
+    assert cli.main(["test-policies", str(tmp_path / "nothing")]) == 2
+    assert "there are no policies in" in capsys.readouterr().err

@@ -1,0 +1,116 @@
+"""Where work is done side by side: processes of this machine, a Dask scheduler, or SLURM."""
+
+from __future__ import annotations
+
+import logging
+import math
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import dask
+from distributed import Client, LocalCluster
+
+SLURM = "slurm"
+"""The scheduler that is jobs of SLURM, by dask-jobqueue."""
+
+SETTINGS: dict[str, Any] = {
+    # A long update holds the interpreter, and is no sign of death.
+    "distributed.scheduler.worker-ttl": None,
+    # A worker takes a run when it is free, and not before.
+    "distributed.scheduler.worker-saturation": 1.0,
+    "distributed.scheduler.default-task-durations": {"train": "1h", "test": "10s"},
+    "distributed.worker.profile.enabled": False,
+    # A terminal sends Ctrl-C to workers too, but it is for their parent to stop them.
+    "distributed.worker.preload": ["import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)"],
+}
+"""Dask's settings; a scheduler that is started apart keeps its own."""
+
+
+@contextmanager
+def connected(
+    tasks: int, workers: int | None, scheduler: str | Client | None, gigabytes: float = 1.0
+) -> Iterator[Client]:
+    """A client of the scheduler that was asked for, or of one that ends with this block.
+
+    Parameters
+    ----------
+    tasks
+        How many there are: no more workers than that are started.
+    workers
+        Processes of this machine, or SLURM jobs; default one a core.
+    scheduler
+        An address such as ``tcp://head:8786``, ``slurm``, a client, or None for this machine.
+    gigabytes
+        Memory the largest task needs, which SLURM is asked for.
+
+    Raises
+    ------
+    ValueError
+        When there are no workers, or no scheduler answers.
+    """
+    if workers is not None and workers < 1:
+        raise ValueError(f"workers is {workers}, but at least 1 worker is needed.")
+    if isinstance(scheduler, Client):
+        yield scheduler
+        return
+    with dask.config.set(SETTINGS), _quiet():
+        if scheduler is None or scheduler == SLURM:
+            n = min(workers or len(os.sched_getaffinity(0)), tasks)
+            cluster = _local_cluster(n) if scheduler is None else slurm_cluster(n, gigabytes)
+            with cluster, Client(cluster) as client:
+                yield client
+            return
+        try:
+            client = Client(scheduler, timeout=10)
+        except (OSError, ValueError) as error:
+            raise ValueError(
+                f"there is no Dask scheduler at {scheduler!r}: start one with `dask scheduler`, "
+                "and workers with `dask worker ADDRESS --nthreads 1`."
+            ) from error
+        with client:
+            yield client
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """What ends a scheduler is told in one sentence by whom it concerns, and not by Dask's log."""
+    logger = logging.getLogger("distributed")
+    before = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
+
+
+def _local_cluster(workers: int) -> LocalCluster:
+    """Processes of this machine, each on one thread; they end with this process."""
+    return LocalCluster(
+        n_workers=workers,
+        threads_per_worker=1,
+        memory_limit=0,
+        dashboard_address="127.0.0.1:0",
+        silence_logs=logging.CRITICAL,
+    )
+
+
+def slurm_cluster(jobs: int, gigabytes: float) -> Any:
+    """Jobs of SLURM, each on one core.
+
+    Queue, account, wall time and what else a site asks for come from Dask's own configuration
+    file ``jobqueue.yaml``; ``job_script()`` of what is returned is the script.
+
+    Raises
+    ------
+    ValueError
+        When dask-jobqueue is not installed.
+    """
+    try:
+        from dask_jobqueue import SLURMCluster
+    except ImportError:
+        raise ValueError(
+            "SLURM needs dask-jobqueue: install it with `pip install 'thesis_lib[slurm]'`."
+        ) from None
+    return SLURMCluster(n_workers=jobs, cores=1, processes=1, memory=f"{math.ceil(gigabytes)} GB")
