@@ -103,5 +103,7 @@ def test_theorem_1_is_judged_by_its_bound() -> None:
     assert theorem_1.minimisers_have_the_least_bound(worse).verdict is Verdict.REFUTED
     alike = table.assign(bound=5.0, largest_bound=5.0)
     assert theorem_1.minimisers_have_the_least_bound(alike).verdict is Verdict.REPRODUCED
+    both = pd.concat([alike.assign(domain="z"), alike])  # in no alphabetical order
+    assert theorem_1.minimisers_have_the_least_bound(both).numbers["printed"] == 2
     split = alike.assign(largest_bound=6.0)
     assert theorem_1.minimisers_have_the_least_bound(split).verdict is Verdict.DIRECTION
