@@ -76,13 +76,16 @@ def connected(
 @contextmanager
 def _quiet() -> Iterator[None]:
     """What ends a scheduler is told in one sentence by whom it concerns, and not by Dask's log."""
-    logger = logging.getLogger("distributed")
-    before = logger.level
-    logger.setLevel(logging.CRITICAL + 1)
+    known = logging.root.manager.loggerDict
+    loggers = [logging.getLogger(name) for name in known if name.split(".")[0] == "distributed"]
+    speaking = [logger for logger in loggers if not logger.disabled]
+    for logger in speaking:
+        logger.disabled = True
     try:
         yield
     finally:
-        logger.setLevel(before)
+        for logger in speaking:
+            logger.disabled = False
 
 
 def _local_cluster(workers: int) -> LocalCluster:
