@@ -6,22 +6,15 @@ import pytest
 import torch
 from scipy import stats
 
-from thesis_lib.experiments.chapter2.policy_search import (
-    EXPERIMENTS,
+from thesis_lib.chapter2 import learning_curves, one_step, settings
+from thesis_lib.chapter2.settings import good_range
+from thesis_lib.chapter2.two_parameters import (
     HORIZON,
     NAMES,
-    SECTION_2_3_5_LANDSCAPE,
-    SECTION_2_3_5_LEARNING,
-    SECTION_2_3_5_SETTINGS,
-    SECTION_2_3_5_STEPS,
-    CurvesConfig,
-    LandscapeConfig,
-    SettingsConfig,
     best_return,
     expected_divergence,
     expected_return,
     fisher,
-    good_range,
     linear_policy,
     parameters,
 )
@@ -86,8 +79,8 @@ def test_a_policy_has_two_parameters() -> None:
 
 @pytest.fixture(scope="module")
 def curves() -> pd.DataFrame:
-    config = CurvesConfig(iterations=10, runs=3)
-    return SECTION_2_3_5_LEARNING.run(config=config).table
+    config = learning_curves.Config(iterations=10, runs=3)
+    return learning_curves.curves.run(config=config).table
 
 
 def test_trpo_keeps_its_bound_and_the_others_do_not(curves: pd.DataFrame) -> None:
@@ -107,10 +100,10 @@ def test_all_of_them_learn_from_the_same_start(curves: pd.DataFrame) -> None:
 
 
 def test_steps_too_long_are_given_up_and_steps_too_short_get_nowhere() -> None:
-    config = SettingsConfig(
+    config = settings.Config(
         vpg=(1e-6, 30.0), natural=(0.5,), trpo=(0.05,), iterations=8, runs=2, batch_steps=400
     )
-    table = SECTION_2_3_5_SETTINGS.run(config=config).table
+    table = settings.outcomes.run(config=config).table
     short, long = (table[table.setting == s] for s in (1e-6, 30.0))
     assert (short.last_share.abs() < 0.01).all()
     assert short.arrived.isna().all()
@@ -123,8 +116,8 @@ def test_steps_too_long_are_given_up_and_steps_too_short_get_nowhere() -> None:
 
 
 def test_the_shares_are_those_of_the_learning_curves(curves: pd.DataFrame) -> None:
-    config = SettingsConfig(vpg=(0.02,), natural=(0.5,), trpo=(0.05,), iterations=10, runs=3)
-    table = SECTION_2_3_5_SETTINGS.run(config=config).table
+    config = settings.Config(vpg=(0.02,), natural=(0.5,), trpo=(0.05,), iterations=10, runs=3)
+    table = settings.outcomes.run(config=config).table
     first = expected_return(0.0, 0.0)
     for row in table.itertuples():
         own = curves[(curves.algorithm == row.algorithm) & (curves.run == row.run)]
@@ -133,14 +126,8 @@ def test_the_shares_are_those_of_the_learning_curves(curves: pd.DataFrame) -> No
         assert row.last_share == pytest.approx(share.iloc[-1], rel=1e-9)
 
 
-def test_threads_change_nothing() -> None:
-    config = CurvesConfig(iterations=2, runs=2, batch_steps=200)
-    tables = [SECTION_2_3_5_LEARNING.run(config=config, workers=w).table for w in (1, 2)]
-    pd.testing.assert_frame_equal(*tables)
-
-
 def test_steps_from_one_batch() -> None:
-    table = SECTION_2_3_5_STEPS.run("smoke").table
+    table = one_step.steps.run("smoke").table
     assert len(table) == 3 * 2 * len(NAMES)
     for row in table.itertuples():
         old, new = (row.gain, row.log_std), (row.new_gain, row.new_log_std)
@@ -152,10 +139,10 @@ def test_steps_from_one_batch() -> None:
 
 
 def test_the_landscape_holds_the_starts() -> None:
-    config = LandscapeConfig(
+    config = one_step.LandscapeConfig(
         starts=((0.0, 0.0),), windows=(((-0.2, 0.0), (-1.5, 0.0)),), resolution=4
     )
-    table = SECTION_2_3_5_LANDSCAPE.run(config=config).table
+    table = one_step.landscape.run(config=config).table
     assert len(table) == 4 * 4
     at_start = table[(table.gain == 0) & (table.log_std == 0) & (table.start == 0)]
     assert at_start.kl.tolist() == [0.0]
@@ -163,19 +150,10 @@ def test_the_landscape_holds_the_starts() -> None:
 
 
 def test_the_maps_hold_the_bound_around_their_start() -> None:
-    config = LandscapeConfig()
+    config = one_step.LandscapeConfig()
     for start, ((left, right), (low, high)) in zip(config.starts, config.windows, strict=True):
         edges = [(left, start[1]), (right, start[1]), (start[0], low), (start[0], high)]
         assert all(expected_divergence(start, edge) > 0.05 for edge in edges)
-
-
-def test_every_budget_has_its_config() -> None:
-    assert [e.id for e in EXPERIMENTS] == [
-        "section-2.3.5-learning",
-        "section-2.3.5-settings",
-        "section-2.3.5-landscape",
-        "section-2.3.5-steps",
-    ]
 
 
 def test_good_settings_are_compared_by_the_length_of_a_step() -> None:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from thesis_lib.edition.experiment import Context
-from thesis_lib.experiments.chapter2 import estimators as e
+from thesis_lib.chapter2 import estimators, kl_quadratic
+from thesis_lib.chapter2 import every_trajectory as e
 
 TD = ["td_difference", "td_mean_difference"]
 
@@ -26,7 +26,7 @@ def finite_difference(steps: int, discount: float, h: float = 1e-5) -> np.ndarra
 
 @pytest.fixture(scope="module")
 def table():
-    return e.SECTION_2_3_4.run("book").table.set_index("estimator")
+    return estimators.biases.run("book").table.set_index("estimator")
 
 
 def test_one_step_value_by_hand() -> None:
@@ -62,7 +62,7 @@ def test_trajectories_are_all_of_them() -> None:
 
 
 def test_expected_estimates_are_the_true_gradients(table) -> None:
-    config = e.SECTION_2_3_4.config("book")
+    config = estimators.biases.config("book")
     plain = finite_difference(config.steps, 1.0)
     discounted = finite_difference(config.steps, config.discount)
     for name in ("whole return", "return to go", "return to go, baseline"):
@@ -119,23 +119,23 @@ def test_td_error_is_the_advantage_on_average_only(table) -> None:
 
 
 def test_td_error_of_one_step_episodes_is_the_advantage() -> None:
-    one = e.estimators(e.EstimatorsConfig(steps=1), Context()).set_index("estimator")
+    one = estimators.biases.run(config=estimators.Config(steps=1)).table.set_index("estimator")
     assert one.td_difference["TD error"] < 1e-15
 
 
 def test_kullback_leibler_by_hand() -> None:
-    got = e.kullback_leibler(np.array([[0.5, 0.5]]), np.array([[0.25, 0.75]]))
+    got = kl_quadratic.kullback_leibler(np.array([[0.5, 0.5]]), np.array([[0.25, 0.75]]))
     np.testing.assert_allclose(got, [0.5 * np.log(2) + 0.5 * np.log(2 / 3)])
 
 
 def test_state_distribution_agrees_with_the_list_of_trajectories() -> None:
     every = e.trajectories(4)
     visits = [(every.probability * (every.states == s).mean(axis=1)).sum() for s in (0, 1)]
-    np.testing.assert_allclose(e.state_distribution(4), visits, rtol=1e-12)
+    np.testing.assert_allclose(kl_quadratic.state_distribution(4), visits, rtol=1e-12)
 
 
 def test_divergence_is_half_the_printed_quadratic_form() -> None:
-    table = e.SECTION_2_3_5.run("book").table
+    table = kl_quadratic.divergences.run("book").table
     smallest = table.loc[table.scale.idxmin()]
     for order in ("kl_new_old", "kl_old_new"):
         assert smallest[order] / smallest.half_quadratic == pytest.approx(1.0, abs=1e-3)
@@ -145,7 +145,7 @@ def test_divergence_is_half_the_printed_quadratic_form() -> None:
     )
 
 
-@pytest.mark.parametrize("experiment", [e.SECTION_2_3_4, e.SECTION_2_3_5])
+@pytest.mark.parametrize("experiment", [estimators.biases, kl_quadratic.divergences])
 def test_smoke(experiment) -> None:
     table = experiment.run("smoke").table
     assert np.isfinite(table.drop(columns=TD, errors="ignore").select_dtypes("number")).all(
