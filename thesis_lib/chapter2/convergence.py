@@ -171,7 +171,7 @@ def q_learning_converges(table: pd.DataFrame) -> Finding:
     """Largest distance of any run from the optimal values, by exploration."""
     end = last(table, "q_learning")
     worst = end.groupby("epsilon").error_optimal.max()
-    told = several(f"{number(error)} at ε = {epsilon:g}" for epsilon, error in worst.items())
+    told = several(f"{error:.2g} at ε = {epsilon:g}" for epsilon, error in worst.items())
     return Finding(
         Verdict.REPRODUCED if (worst < 1).all() else Verdict.NOT_REPRODUCED,
         f"Largest distance of any run from Q* at the end: {told}; the best soft values lie "
