@@ -69,7 +69,10 @@ def kills(start: Callable[[], subprocess.Popen[str]], check: Callable[[], bool],
         process.send_signal((signal.SIGKILL, signal.SIGTERM, signal.SIGINT)[i % 3])
         _, error = process.communicate()
         _, left = psutil.wait_procs(family, timeout=10)
-        good += check() and not left and "Traceback" not in error
+        right = check() and not left and "Traceback" not in error
+        if not right:
+            print(f"  kill {i}: {len(left)} left, {error[-300:]!r}")
+        good += right
     return f"{good} of {n}"
 
 
@@ -86,7 +89,10 @@ def full_disk(folder: Path, n: int = 10) -> str:
         process = run(folder, preexec_fn=small, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"})
         _, error = process.communicate()
         told = process.returncode == 0 or error.splitlines()[-1].startswith("thesis: ")
-        good += whole(folder) and told and "Traceback" not in error
+        right = whole(folder) and told and "Traceback" not in error
+        if not right:
+            print(f"  limit {limit}: status {process.returncode}, {error[-300:]!r}")
+        good += right
     return f"{good} of {n}"
 
 

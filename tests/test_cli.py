@@ -72,6 +72,7 @@ def test_workers_do_not_change_the_table(tmp_path):
         (["run", "table-3.1", "--budget", "quick"], "choose one of smoke, book, thesis"),
         (["run", "table-3.1", "--budget", "smoke", "--seed", "-1"], "at least 0"),
         (["run", "table-3.1", "--budget", "smoke", "--seed", str(2**64)], "and below 2**64"),
+        (["run", "figure-3.3", "--budget", "smoke", "--repeats", "-1"], "number of runs is -1"),
         (["run", "table-3.1", "--budget", "smoke", "--workers", "0"], "at least 1 worker"),
         (["book", "--budget", "quick"], "choose one of smoke, book, thesis"),
     ],

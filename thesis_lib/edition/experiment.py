@@ -71,6 +71,8 @@ class Context:
             Integers that set this use of the seed apart from others, such as the index
             of a configuration.
         """
+        if n < 0:
+            raise ValueError(f"the number of runs is {n}, but at least 1 is needed.")
         return np.random.SeedSequence(self.seed, spawn_key=tuple(key)).spawn(n)
 
     def map(
