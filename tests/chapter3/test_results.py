@@ -24,5 +24,5 @@ def test_the_ledger_has_every_row_and_says_where_it_is_shown():
     assert [c.id for c in CHAPTER.claims if c.ours] == [
         "3.4.4-constant",
         "3.3.5-tour-as-potential",
-        "3.4.4-reversal-is-level",
+        "3.6-reversal-is-level",
     ]

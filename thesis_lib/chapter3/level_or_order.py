@@ -10,11 +10,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import matplotlib.pyplot as plt
 import pandas as pd
+from matplotlib.figure import Figure
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter3.runs import (
+    COLOUR,
     SETTINGS,
+    SYMBOLS,
     Learner,
     MuSearch,
     Potential,
@@ -25,6 +29,7 @@ from thesis_lib.chapter3.runs import (
 from thesis_lib.domains import stock
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
+from thesis_lib.edition.plots import band
 from thesis_lib.stats import Summary, holm, mean_ci, welch
 
 DOMAINS = {
@@ -183,7 +188,7 @@ def order_earns_more(table: pd.DataFrame) -> Finding:
     )
 
 
-@criterion("3.4.4-reversal-is-level", moved)
+@criterion("3.6-reversal-is-level", moved)
 def reversal_is_level(table: pd.DataFrame) -> Finding:
     """Whether Q^mu's lead over Q* at E = 3 is gone when both have the same level."""
     own = table[(table.domain == "stock E = 3") & table.potential.isin(("Q_star", "Q_mu"))]
@@ -210,3 +215,25 @@ def reversal_is_level(table: pd.DataFrame) -> Finding:
         "in the mean over them.",
         {"own": lead.difference, "common": mean, "ahead": len(ahead), "behind": len(behind)},
     )
+
+
+def figure(table: pd.DataFrame) -> Figure:
+    """Return over the level, one panel a domain and learner, one line a potential."""
+    panels = list(table.groupby(["domain", "algorithm"], sort=False))
+    columns = min(3, len(panels))
+    rows = -(-len(panels) // columns)
+    fig, axes = plt.subplots(rows, columns, figsize=(7.2, 2.1 * rows), squeeze=False)
+    for ax, ((domain, learner), own) in zip(axes.flat, panels, strict=False):
+        swept = own[own.level != OWN].assign(level=lambda t: t.level.astype(float))
+        for name, group in swept.groupby("potential", sort=False):
+            band(ax, group, "level", color=COLOUR[name], label=SYMBOLS[name])
+        plain = float(own[own.potential == "none"].mean_return.iloc[0])
+        ax.axhline(plain, color=COLOUR["none"], ls=":", label=SYMBOLS["none"])
+        ax.set_title(f"{domain}\n{learner.replace('_', '-')}", fontsize=9)
+        ax.tick_params(labelsize=8)
+    for ax in axes.flat[len(panels) :]:
+        ax.set_axis_off()
+    fig.supxlabel("level (0: least, 1: largest value of $Q^*$)", fontsize=10)
+    fig.supylabel("mean total reward", fontsize=10)
+    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
+    return fig

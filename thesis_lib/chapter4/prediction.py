@@ -12,14 +12,17 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import product
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter3.runs import Learner
 from thesis_lib.domains import Domain, continuing_cliff, stock, triangle
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
+from thesis_lib.edition.plots import COLOURS
 from thesis_lib.experiments.chapter4.families import random_domain, torus
 from thesis_lib.experiments.chapter4.protocol import Trial
 from thesis_lib.experiments.chapter4.worlds import World, world
@@ -252,3 +255,26 @@ def error_predicts_return(table: pd.DataFrame) -> Finding:
         f"{mean.mean:.2f} ± {mean.half_width:.2f}.",
         {"correlation": mean.mean},
     )
+
+
+def figure(table: pd.DataFrame) -> Figure:
+    """Regret over the number of observed tasks, one panel a domain, one line a selector."""
+    panels = list(table.groupby("domain", sort=False))
+    columns = min(3, len(panels))
+    rows = -(-len(panels) // columns)
+    fig, axes = plt.subplots(rows, columns, figsize=(7.2, 2.3 * rows), squeeze=False)
+    for ax, (domain, own) in zip(axes.flat, panels, strict=False):
+        for i, (method, group) in enumerate(own.groupby("method", sort=False)):
+            look = {"color": COLOURS[i % len(COLOURS)], "ls": "-" if i < len(COLOURS) else "--"}
+            ax.plot(group.tasks_seen, group.regret, label=method, **look)
+            low, high = group.regret - group.regret_ci95, group.regret + group.regret_ci95
+            ax.fill_between(group.tasks_seen, low, high, color=look["color"], alpha=0.15, lw=0)
+        ax.set_title(domain, fontsize=9)
+        ax.set_yscale("symlog", linthresh=0.01)
+        ax.tick_params(labelsize=8)
+    for ax in axes.flat[len(panels) :]:
+        ax.set_axis_off()
+    fig.supxlabel("observed tasks", fontsize=10)
+    fig.supylabel("regret [variances of $Q_d$]", fontsize=10)
+    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    return fig
