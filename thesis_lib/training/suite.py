@@ -349,5 +349,5 @@ def write(
     with replacing(folder / "tests.parquet") as temporary:
         table.to_parquet(temporary, index=False)
     with replacing(folder / "tests.json") as temporary:
-        temporary.write_text(json.dumps(record, indent=1) + "\n")
+        temporary.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
     return folder / "tests.parquet"
