@@ -6,6 +6,7 @@ Each result takes the printed numbers always, and our own runs where a results s
 """
 
 RESULTS = (
+    "calibration",
     "contrasts",
     "table_5_2",
     "figure_5_3",

@@ -1219,18 +1219,6 @@ DIFFERENCES: tuple[Difference, ...] = (
         ("section-5.2.2-integrators",),
     ),
     Difference(
-        "5.2.2-time-constants",
-        "5.2.2",
-        "Time constants at the start",
-        "Learned; where they start is not said.",
-        "1 s for every unit, the default of the author's code, in which learning them is off by "
-        "default. They are raised to the step whenever an update takes them below it; softplus and "
-        "exponential forms are options.",
-        "`CTRNN(time_constant=, constraint=, trainable_time_constant=)`",
-        "With 1 s a unit moves 0.5 to 2.5 per cent of its way in a control step: before training "
-        "the network is far slower than any gait.",
-    ),
-    Difference(
         "5.2.3-candidate",
         "5.2.3",
         "Transfer function of the LSTM's cell",
@@ -1262,17 +1250,6 @@ DIFFERENCES: tuple[Difference, ...] = (
         "rest, was not at hand.",
         "`TrainConfig(delta_kl=)`",
         "Unknown: the thesis's values for the other networks range from 0.02 to 0.5.",
-    ),
-    Difference(
-        "5.1-subsets",
-        "Table 5.1",
-        "Sensors of recurrent networks on Hopper and Swimmer",
-        "A subset without angular velocities; feedforward networks see everything.",
-        "The 11 and 5 entries of the author's code that fit these words. The subset its launcher "
-        "would choose for the hopper today has 17 entries, angular velocities included.",
-        "`occlusion(robot, 'text' | 'code')`",
-        "On these two tasks recurrent networks face partial observability that feedforward ones "
-        "are spared.",
     ),
     Difference(
         "5.1-regular-test",

@@ -1,0 +1,63 @@
+"""Calibration: what is averaged, what is left out, and when the text's subset is borne out."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from thesis_lib.chapter5 import calibration
+from thesis_lib.chapter5.calibration import Config, readings, text_subset_learns
+from thesis_lib.edition.ledger import Verdict
+
+
+def curves(sensors: str, seed: int, returns: list[float]) -> pd.DataFrame:
+    iterations = range(1, len(returns) + 1)
+    return pd.DataFrame(
+        {
+            **{"task": "Hopper", "architecture": "dtrnn", "seed": seed, "sensors": sensors},
+            **{"time_constant": float("nan"), "head_scale": 1.0, "delta_kl": 0.35},
+            **{"iteration": iterations, "steps": 50_000, "mean_return": returns},
+        }
+    )
+
+
+def table(folder: Path, *runs: pd.DataFrame) -> pd.DataFrame:
+    pd.concat(runs).to_csv(folder / "curves.csv", index=False)
+    return readings.run(config=Config(store=str(folder), iterations=4)).table
+
+
+def test_means_by_hand(tmp_path: Path) -> None:
+    made = table(
+        tmp_path,
+        curves("code", 0, [0.0, 10.0, 20.0, 30.0, 1000.0]),
+        curves("code", 1, [20.0, 30.0, 40.0, 50.0]),
+        curves("code", 2, [99.0, 99.0]),  # has not come so far
+        curves("text", 0, [1.0, 1.0]),
+    )
+    (row,) = made.itertuples()
+    assert (row.mean_return, row.lowest, row.highest, row.n_runs) == (25.0, 15.0, 35.0, 2)
+    assert row.last_return == 25.0  # of the last five, here all four
+    assert (row.printed_mean, row.printed_se) == (273.4, 60.8)  # table 5.2
+
+
+@pytest.mark.parametrize(
+    ("text", "seeds", "verdict"),
+    [
+        (200.0, 2, Verdict.REPRODUCED),  # above 273.4 - 2 x 60.8 = 151.8
+        (150.0, 2, Verdict.NOT_REPRODUCED),
+        (150.0, 1, Verdict.INCONCLUSIVE),
+    ],
+)
+def test_the_text_s_subset(tmp_path: Path, text: float, seeds: int, verdict: Verdict) -> None:
+    runs = [
+        curves(s, i, [r] * 4) for s, r in (("text", text), ("code", 250.0)) for i in range(seeds)
+    ]
+    assert text_subset_learns(table(tmp_path, *runs)).verdict is verdict
+
+
+def test_the_runs_that_are_kept() -> None:
+    made = readings.run("book").table
+    assert (made.n_runs >= 1).all()
+    assert not made[list(calibration.SETTINGS)].duplicated().any()
+    told = calibration.of_subsets(made) + calibration.of_time_constants(made)
+    assert "nan" not in told + calibration.of_output_start(made)
