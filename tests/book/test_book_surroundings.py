@@ -157,6 +157,12 @@ def until(true: Callable[[], Any], seconds: float) -> bool:
     return bool(true())
 
 
+def _heed_signals() -> None:
+    """A shell starts what runs in the background with SIGINT ignored, and nohup with SIGHUP."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
 @pytest.fixture
 def building(root: Path, tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], list[int]]]:
     """A build in the middle of a notebook, with the processes it has started."""
@@ -177,8 +183,7 @@ def building(root: Path, tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str]
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
-        # A shell starts what runs in the background with SIGINT ignored.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        preexec_fn=_heed_signals,
     )
     family: list[psutil.Process] = []
     try:

@@ -77,8 +77,9 @@ class Task:
 
     @property
     def cells(self) -> list[str]:
-        """Sources of its code cells."""
-        return [cell.source for cell in code_cells(self.source)]
+        """Sources of its code cells, and the expressions in its prose."""
+        asked = [text for cell in self.source.cells for text in expressions(cell)]
+        return [*(cell.source for cell in code_cells(self.source)), *asked]
 
 
 @dataclass(frozen=True)
