@@ -498,7 +498,7 @@ GONE, HELD = object(), ("config", "policy", "baseline", "rows", "iteration")
         ({"baseline": {}}, "has a baseline that does not fit this run"),
         ({"baseline": {"weights": torch.ones(7)}}, "has a baseline that does not fit this run"),
         (
-            {"baseline": {"weights": torch.full((26,), float("nan"))}},
+            {"baseline": {"weights": torch.full((38,), float("nan"))}},
             "has a baseline that does not fit this run",
         ),
         ({"policy": {}}, "has parameters that are not those of dtrnn"),
@@ -506,7 +506,7 @@ GONE, HELD = object(), ("config", "policy", "baseline", "rows", "iteration")
 )
 def test_a_checkpoint_with_a_hole(change: dict, message: str, tmp_path: Path) -> None:
     run = train(TrainConfig(**SMALL), tmp_path)
-    assert run.policy.feature_size == 11  # so that a baseline has 2 * 11 + 4 = 26 weights
+    assert run.policy.feature_size == 17  # so that a baseline has 2 * 17 + 4 = 38 weights
     file = tmp_path / "checkpoint.pt"
     content = torch.load(file, weights_only=True)
     torch.save({k: v for k, v in (content | change).items() if v is not GONE}, file)
