@@ -26,9 +26,9 @@ from thesis_lib.training.evaluation import (
     SUMMARY_COLUMNS,
     EvaluateConfig,
     evaluate,
-    evaluation_task,
     idle_settings,
     summarised,
+    task_for,
 )
 from thesis_lib.training.film import film, positions
 from thesis_lib.training.run import Training
@@ -60,7 +60,7 @@ def test_a_row_for_every_run(cheetah: Path) -> None:
 
 def test_returns_are_those_of_the_greedy_policy(cheetah: Path) -> None:
     run = Training.load(cheetah)
-    task = evaluation_task(run, SHORT)
+    task = task_for(run, SHORT)
     observation = task.reset()
     state, action = run.policy.initial_state(3), torch.zeros(3, 6)
     total = np.zeros(3)
@@ -133,8 +133,8 @@ def test_a_film(cheetah: Path, tmp_path: Path) -> None:
 def test_a_film_shows_the_run_that_was_tested(cheetah: Path) -> None:
     run = Training.load(cheetah)
     config = EvaluateConfig(runs=2, steps=30, greedy=False, seed=4)
-    seen = positions(evaluation_task(run, config), run.policy, 1, np.random.default_rng(4))
-    task = evaluation_task(run, config)
+    seen = positions(task_for(run, config), run.policy, 1, np.random.default_rng(4))
+    task = task_for(run, config)
     rollouts = run_episodes(task, run.policy, np.random.default_rng(4))
     # what the policy sees of the pose: all of it but the place
     poses = rollouts.padded("observations")[:, 1, :8]
@@ -178,7 +178,7 @@ def test_disturbances_in_short(cheetah: Path) -> None:
         ({"delay": 0}, "steps is 0"),
         ({"mass": 0.0}, "factor is 0.0"),
         ({"friction": -1.0}, "factor is -1.0"),
-        ({"push": (0.0, 1.0)}, "three finite numbers"),
+        ({"push": (0.0, 1.0)}, "push has 2 entries, .* must have 3"),
         ({"noise": 1.0, "onset": -3}, "onset is -3"),
     ],
 )
@@ -235,8 +235,8 @@ def test_summary_by_hand() -> None:
 
 def test_positions_are_those_before_every_step(cheetah: Path) -> None:
     run = Training.load(cheetah)
-    states = positions(evaluation_task(run, SHORT), run.policy, world=2)
-    task = evaluation_task(run, SHORT)
+    states = positions(task_for(run, SHORT), run.policy, world=2)
+    task = task_for(run, SHORT)
     task.reset()
     assert states.shape == (60, 9)
     np.testing.assert_array_equal(states[0], task.qpos[2])
