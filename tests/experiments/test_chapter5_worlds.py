@@ -340,9 +340,8 @@ def test_a_robot_on_a_hill_keeps_its_clearance() -> None:
 
 def test_every_perturbation_is_in_the_table() -> None:
     table = show.perturbation_table()
-    assert sorted(table.object) == sorted(
-        [
-            *("CorrelatedNoise", "WhiteNoise", "TerrainSwitch", "SensorSubset", "SensorFailure"),
-            *("ActuatorFailure", "ActionDelay", "MassChange", "FrictionChange", "Push"),
-        ]
-    )
+    assert list(table.object) == [
+        *("WhiteNoise", "TerrainSwitch", "SensorSubset"),  # the thesis's, then ours
+        *("CorrelatedNoise", "SensorFailure", "ActuatorFailure"),
+        *("ActionDelay", "MassChange", "FrictionChange", "Push"),
+    ]
