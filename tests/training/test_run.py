@@ -278,6 +278,7 @@ REACHED: list[tuple[str, Any, dict, Callable[[Training], Any], Any]] = [
     ("integrator", "midpoint", CTRNN_RUN, lambda run: _net(run, "integrator"), "midpoint"),
     ("time_constant", 0.25, CTRNN_RUN, lambda run: _net(run, "tau_raw").tolist()[0], 0.25),
     ("time_constant_spread", 4.0, CTRNN_RUN, _tau_ratio, 4.0),
+    ("trainable_time_constant", False, CTRNN_RUN, lambda r: r.policy.tau_raw.requires_grad, False),
     ("forget_bias", 0.5, LSTM_RUN, lambda run: _net(run, "gate_shift").max().item(), 0.5),
     ("gate_initialisation", "glorot", LSTM_RUN, _gates_orthogonal, False),
     ("gate_initialisation", "orthogonal", {"architecture": "gru"}, _gates_orthogonal, True),
@@ -570,6 +571,13 @@ def test_another_run_in_the_directory(tmp_path: Path) -> None:
         train(dataclasses.replace(config, architecture="gru"), tmp_path)
     with pytest.raises(ValueError, match="already holds a run"):
         train(config, tmp_path, resume=False)
+
+
+def test_a_setting_without_effect_does_not_part_runs(tmp_path: Path) -> None:
+    config = TrainConfig(**{**SMALL, "iterations": 1}, architecture="ffwd", time_constant=1.0)
+    train(config, tmp_path)
+    again = train(dataclasses.replace(config, time_constant=0.2, iterations=2), tmp_path)
+    assert again.iteration == 2
 
 
 def test_another_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -121,6 +121,7 @@ def test_rules_by_hand() -> None:
         ({"noise": -1.0}, "sigma is -1.0"),
         ({"correlation_time": -1.0}, "correlation_time is -1.0"),
         ({"termination": "sometimes"}, "termination 'sometimes' does not exist"),
+        ({"input_filter": -0.1}, r"input_filter is -0\.1, but a time constant is at least 0 s"),
         ({"switch_at": "here"}, "switch_at is 'here', but it must be metres, or task"),
     ],
 )
@@ -141,12 +142,40 @@ def test_memory_and_previous_action_can_be_taken_away(store: Path) -> None:
         for memory in (True, False):
             for previous in (True, False):
                 config = EvaluateConfig(memory=memory, previous_action=previous)
-                mean, after = acting(policy, config).step(observation, before, state)
+                mean, after = acting(policy, config, 0.01).step(observation, before, state)
                 expected = policy.step(
                     observation, before if previous else zero, state if memory else start
                 )
                 assert torch.equal(mean, expected[0])
                 assert torch.equal(after, expected[1])
+
+
+@pytest.mark.parametrize("index", [0, 2])
+def test_a_filter_between_sensors_and_net(store: Path, index: int) -> None:
+    """Its output starts at the first reading and closes a share 1 - exp(-dt/tau) of the gap."""
+    policy = read_trained(store / "runs" / run_name(CONFIGS[index])).policy
+    first, second = torch.randn(2, 3, policy.observation_size, dtype=torch.float64)
+    before = torch.randn(3, policy.action_size, dtype=torch.float64)
+    config = EvaluateConfig(input_filter=0.02)
+    actor = acting(policy, config, 0.01)
+    with torch.no_grad():
+        state, expected = actor.initial_state(3), policy.initial_state(3)
+        seen = first + (1 - 0.6065306597126334) * (second - first)  # exp(-1/2)
+        for observation, filtered in ((first, first), (second, seen)):
+            mean, state = actor.step(observation, before, state)
+            wanted, expected = policy.step(filtered, before, expected)
+            assert torch.allclose(mean, wanted, rtol=0, atol=1e-6)
+
+
+def test_tests_say_what_was_done_to_the_net(store: Path) -> None:
+    config = SuiteConfig(
+        conditions=("base", "noise"),
+        **{"runs": 1, "steps": 20, "correlation_time": 3.0, "memory": False, "input_filter": 0.1},
+    )
+    table = evaluate_all(store / "runs", config, names=[run_name(CONFIGS[2])], workers=1)
+    assert list(table.condition) == ["base", "noise"]
+    assert list(table.correlation) == [0, 3]
+    assert set(table.intervention) == {"no memory, input filter"}
 
 
 def test_the_command(store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

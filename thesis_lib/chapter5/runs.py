@@ -2,7 +2,7 @@
 
 A store is a folder.  Each folder in it (a *layer*) holds what runs of one budget produced:
 ``curves.csv`` (or ``.parquet``), the learning curves, and where the policies have been tested
-``tests.parquet`` (or ``.csv``).  Runs of one layer stop at the same iteration; one that has not
+``tests.parquet`` (or ``.csv``), in it or in folders of its own.  Runs of one layer stop at the same iteration; one that has not
 come so far is left out.
 """
 
@@ -171,6 +171,6 @@ def _read(root: Path, name: str, columns: Mapping[str, str]) -> pd.DataFrame:
                 f"{path.name} of the layer {path.parent.name!r} lacks the columns "
                 f"{', '.join(lacking)}: make it again with `thesis sweep` or `thesis test`."
             )
-        layer = str(path.parent.relative_to(root))
+        layer = path.relative_to(root).parts[0]
         parts.append(table[list(columns)].assign(layer=layer))
     return pd.concat([p for p in parts if len(p)] or parts, ignore_index=True)

@@ -65,6 +65,7 @@ _NEEDS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "forget_bias": ("architecture", ("lstm",)),
     "gate_initialisation": ("architecture", ("gru", "lstm")),
     "time_constant_spread": ("architecture", ("ctrnn",)),
+    "trainable_time_constant": ("architecture", ("ctrnn",)),
     "initialisation": ("architecture", ("ffwd", "dffwd", "dffwd-softplus", "ffwd-400")),
     "units": ("architecture", tuple(name for name in ARCHITECTURES if name not in DEEP_NETS)),
     "learning_rate": ("algorithm", ("vpg", "ppo")),
@@ -140,6 +141,8 @@ class TrainConfig:
     is 1."""
     time_constant_spread: float = 1.0
     """Largest over smallest of them."""
+    trainable_time_constant: bool = True
+    """Whether they are learned."""
     constraint: str = "clamp"
     """How the CTRNN's time constants stay above the step: clamp, softplus, exponential."""
     spectral_radius: float | None = None
@@ -208,9 +211,18 @@ def idle_settings(config: TrainConfig) -> dict[str, str]:
     """Settings that differ from their default and have no effect, with what they belong to."""
     default = TrainConfig()
     return {
+        name: owner
+        for name, owner in _without_effect(config).items()
+        if getattr(config, name) != getattr(default, name)
+    }
+
+
+def _without_effect(config: TrainConfig) -> dict[str, str]:
+    """Settings that have no effect on a run, with what they belong to."""
+    return {
         name: f"{by} {' or '.join(values)}"
         for name, (by, values) in _NEEDS.items()
-        if getattr(config, name) != getattr(default, name) and getattr(config, by) not in values
+        if getattr(config, by) not in values
     }
 
 
@@ -260,6 +272,8 @@ def step_size(config: TrainConfig) -> float:
 def differences(saved: Mapping[str, Any], config: TrainConfig) -> dict[str, tuple[object, object]]:
     """Settings in which a saved run is not the one asked for: what it has, and what is wanted.
 
+    Those without effect on the run that is asked for do not count.
+
     Parameters
     ----------
     saved
@@ -275,5 +289,5 @@ def differences(saved: Mapping[str, Any], config: TrainConfig) -> dict[str, tupl
     return {
         name: (have[name], want[name])
         for name in want
-        if name not in _MAY_CHANGE and have[name] != want[name]
+        if name not in (*_MAY_CHANGE, *_without_effect(config)) and have[name] != want[name]
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,6 +75,9 @@ class EvaluateConfig:
     """Whether the net remembers; otherwise its state is at every step that of a start."""
     previous_action: bool = True
     """Whether the net sees its last action; otherwise it reads zero."""
+    input_filter: float = 0.0
+    """Time constant in seconds of a first-order filter between the sensors and the net; 0 is
+    none."""
     seed: int = 0
     """All randomness comes from it."""
 
@@ -83,6 +87,10 @@ class EvaluateConfig:
         for name in ("runs", "steps"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} is {getattr(self, name)}, but it must be at least 1.")
+        if self.input_filter < 0:
+            raise ValueError(
+                f"input_filter is {self.input_filter}, but a time constant is at least 0 s."
+            )
         if self.terrain not in TERRAINS:
             raise ValueError(
                 f"terrain {self.terrain!r} does not exist: choose one of {', '.join(TERRAINS)}."
@@ -215,7 +223,8 @@ def task_for(
 
 def tested(task: BatchTask, policy: GaussianPolicy, config: EvaluateConfig) -> pd.DataFrame:
     """One run in every world; columns as in :data:`RUN_COLUMNS`."""
-    rollouts = run_episodes(task, acting(policy, config), exploration(config))
+    actor = acting(policy, config, task.task.robot.control_dt)
+    rollouts = run_episodes(task, actor, exploration(config))
     return pd.DataFrame(
         {
             "run": np.arange(config.runs),
@@ -245,8 +254,40 @@ class _Acting:
         return self._policy.step(observation, before, state)
 
 
-def acting(policy: GaussianPolicy, config: EvaluateConfig) -> GaussianPolicy:
-    """A policy as it acts in a test: with or without memory and its last action."""
+class _Filtered(_Acting):
+    """The same behind a first-order filter, whose output is the last part of the state."""
+
+    def __init__(self, policy: GaussianPolicy, config: EvaluateConfig, dt: float) -> None:
+        super().__init__(policy, config)
+        self._gain = -math.expm1(-dt / config.input_filter)
+
+    def initial_state(self, n: int) -> Tensor:
+        unfiltered = torch.full((n, self.observation_size), torch.nan, dtype=torch.float64)
+        return torch.cat([self._policy.initial_state(n), unfiltered], dim=1)
+
+    def step(self, observation: Tensor, before: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
+        size = observation.shape[1]
+        before_it, last = state[:, :-size].to(self._policy.dtype), state[:, -size:]
+        last = torch.where(last.isnan(), observation, last)  # starts from what it sees first
+        filtered = last.lerp(observation, self._gain)
+        mean, after = super().step(filtered, before, before_it)
+        return mean, torch.cat([after, filtered], dim=1)
+
+
+def acting(policy: GaussianPolicy, config: EvaluateConfig, dt: float) -> GaussianPolicy:
+    """A policy as it acts in a test: with or without memory, its last action and a filter.
+
+    Parameters
+    ----------
+    policy
+        The policy.
+    config
+        The test.
+    dt
+        Control step of the task in seconds.
+    """
+    if config.input_filter:
+        return cast(GaussianPolicy, _Filtered(policy, config, dt))
     return cast(GaussianPolicy, _Acting(policy, config))
 
 

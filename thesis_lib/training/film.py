@@ -107,13 +107,14 @@ def film(
     target = check_film(path, chosen, run)
     loaded = read_trained(trained) if isinstance(trained, Path | str) else trained
     task = task_for(loaded, chosen)
-    states = positions(task, acting(loaded.policy, chosen), run, exploration(chosen))
-    every = max(1, round(1 / (FRAMES_A_SECOND * task.task.robot.control_dt)))
+    dt = task.task.robot.control_dt
+    states = positions(task, acting(loaded.policy, chosen, dt), run, exploration(chosen))
+    every = max(1, round(1 / (FRAMES_A_SECOND * dt)))
     robot = task.task.robot.name
     ground = ground_of(chosen, robot, run)
     pictures = draw(robot, states[::every], ground, width=width, height=height)
     frames = [Image.fromarray(p) for p in pictures]
-    milliseconds = round(1000 * every * task.task.robot.control_dt)
+    milliseconds = round(1000 * every * dt)
     with replacing(target) as temporary:
         frames[0].save(
             temporary,

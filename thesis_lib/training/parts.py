@@ -65,6 +65,7 @@ def make_run_policy(config: TrainConfig) -> GaussianPolicy:
             "integrator": config.integrator,
             "time_constant": config.time_constant,
             "time_constant_spread": config.time_constant_spread,
+            "trainable_time_constant": config.trainable_time_constant,
             "constraint": config.constraint,
         }
     if config.architecture == "lstm":

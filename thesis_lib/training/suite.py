@@ -46,6 +46,8 @@ COLUMNS: Mapping[str, str] = {
     "iteration": "iterations of training it had",
     "last_return": "mean return of the last batches of training",
     "condition": ", ".join(CONDITIONS),
+    "correlation": "correlation time of the noise in control steps, 0 where it is white or none",
+    "intervention": "what was done to the net: none, no memory, no previous action, input filter",
     "test": RUN_COLUMNS["run"],
     **{name: RUN_COLUMNS[name] for name in ("return", "length", "terminated")},
 }
@@ -91,6 +93,9 @@ class SuiteConfig:
     """Whether nets remember; otherwise their state is at every step that of a start."""
     previous_action: bool = True
     """Whether nets see their last action; otherwise they read zero."""
+    input_filter: float = 0.0
+    """Time constant in seconds of a first-order filter between the sensors and the nets; 0 is
+    none."""
     seed: int = 0
     """All randomness comes from it."""
 
@@ -111,12 +116,22 @@ class SuiteConfig:
         for condition in CONDITIONS:  # what a test would refuse is refused here
             self.test(condition)
 
+    @property
+    def intervention(self) -> str:
+        """What is done to the nets, in words."""
+        done = {
+            "no memory": not self.memory,
+            "no previous action": not self.previous_action,
+            "input filter": self.input_filter > 0,
+        }
+        return ", ".join(name for name, is_done in done.items() if is_done) or "none"
+
     def test(self, condition: str) -> EvaluateConfig:
         """The test of one condition."""
-        shared = ("runs", "steps", "termination", "memory", "previous_action", "seed", "difficulty")
+        shared = ("runs", "steps", "termination", "memory", "previous_action", "input_filter")
         test = EvaluateConfig(
             terrain="hill" if condition == "hill" else "flat",
-            **{name: getattr(self, name) for name in shared},
+            **{name: getattr(self, name) for name in (*shared, "seed", "difficulty")},
         )
         if condition == "noise":
             return test.disturbed(
@@ -220,11 +235,13 @@ def _test(place: str, name: str, config: SuiteConfig) -> pd.DataFrame:
         task = _worlds(threading.get_ident(), run.task, run.reading, run.alive_bonus, test)
         task.reseed(test.seed)
         table = tested(task, trained.policy, test).rename(columns={"run": "test"})
-        parts.append(table.assign(condition=condition))
+        correlation = config.correlation_time if condition == "noise" else 0.0
+        parts.append(table.assign(condition=condition, correlation=correlation))
     table = pd.concat(parts, ignore_index=True).assign(
         **key(trained.config),
         run=name,
         policy=config.policy,
+        intervention=config.intervention,
         iteration=iteration,
         last_return=trained.last_return,
     )
