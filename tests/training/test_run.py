@@ -595,6 +595,19 @@ def test_another_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         train(config, tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("architecture", "scale"), [("ffwd", 0.1), ("gru", 0.1), ("lstm", 0.1), ("dffwd", 1.0)]
+)
+def test_where_the_output_layer_starts(architecture: str, scale: float) -> None:
+    """Against the author's law, U(-a, a) with a = sqrt(6 / (inputs + outputs))."""
+    config = TrainConfig(**SMALL, architecture=architecture)
+    weight = Training(config).policy.head.weight
+    whole = Training(dataclasses.replace(config, head_scale=1.0)).policy.head.weight
+    outputs, inputs = whole.shape
+    assert whole.abs().max() <= (6 / (inputs + outputs)) ** 0.5
+    assert torch.allclose(weight, scale * whole)
+
+
 def test_another_version(tmp_path: Path) -> None:
     train(TrainConfig(**{**SMALL, "iterations": 1}), tmp_path)
     file = tmp_path / "checkpoint.pt"

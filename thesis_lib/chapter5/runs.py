@@ -2,8 +2,8 @@
 
 A store is a folder.  Each folder in it (a *layer*) holds what runs of one budget produced:
 ``curves.csv`` (or ``.parquet``), the learning curves, and where the policies have been tested
-``tests.parquet`` (or ``.csv``), in it or in folders of its own.  Runs of one layer stop at the same iteration; one that has not
-come so far is left out.
+``tests.parquet`` (or ``.csv``), in it or in folders of its own.  Runs of one layer stop at the
+same iteration; one that has not come so far is left out.
 """
 
 from __future__ import annotations

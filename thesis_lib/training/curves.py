@@ -321,7 +321,9 @@ def _run_record(
     errors: Mapping[str, str],
 ) -> dict[str, Any]:
     kept: dict[str, Any] = {"run": name, "iteration": 0}
-    kept |= {k: found[k] for k in ("iteration", "delta_kl", "parameters") if k in found}
+    kept |= {
+        k: found[k] for k in ("iteration", "delta_kl", "head_scale", "parameters") if k in found
+    }
     if name in numbers:
         kept["made_by"] = numbers[name]
     if name in errors:

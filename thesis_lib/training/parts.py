@@ -19,6 +19,7 @@ from thesis_lib.training.config import (
     SEED_KEYS,
     SUBSET,
     TrainConfig,
+    head_scale,
     idle_settings,
     step_size,
     table_5_1,
@@ -93,7 +94,7 @@ def make_run_policy(config: TrainConfig) -> GaussianPolicy:
         seed=config.seed,
         units=None if "units" in idle else config.units,
         features=features,
-        head_scale=config.head_scale,
+        head_scale=head_scale(config),
         dtype=PRECISIONS[config.precision],
         **options,
     )

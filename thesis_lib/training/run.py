@@ -33,7 +33,7 @@ from thesis_lib.training.checkpoint import (
     read_checkpoint,
     write_tensors,
 )
-from thesis_lib.training.config import SEED_KEYS, TrainConfig, differences, step_size
+from thesis_lib.training.config import SEED_KEYS, TrainConfig, differences, settled
 from thesis_lib.training.parts import baseline, make_algorithm, make_batch_task, make_run_policy
 from thesis_lib.training.trained import Best, saved_best, saved_config, take_up_policy
 
@@ -220,7 +220,7 @@ class Training:
         content = {
             "format": FORMAT,
             "config": dataclasses.asdict(self.config),
-            "delta_kl": step_size(self.config),
+            **settled(self.config),
             "iteration": self.iteration,
             "policy": self.policy.state_dict(),
             **self._learner_state(),
@@ -236,7 +236,7 @@ class Training:
         with replacing(folder / "run.json") as temporary:
             record = {
                 "config": dataclasses.asdict(self.config),
-                "delta_kl": step_size(self.config),
+                **settled(self.config),
                 "parameters": self.policy.n_trainable,
                 "iteration": self.iteration,
                 "columns": dict(CURVE_COLUMNS),
