@@ -114,6 +114,16 @@ def test_claims_prints_the_ledger(tmp_path, capsys):
     assert "3.4.3-caption  [Figure 3.3]  INCONCLUSIVE AT THIS BUDGET" in capsys.readouterr().out
 
 
+def test_claims_over_seeds(tmp_path, capsys):
+    asked = ["claims", "3.4.3-caption", "--seeds", "2", "--budget", "smoke"]
+    asked += ["--results", str(tmp_path / "tables"), "--out", str(tmp_path)]
+    assert cli.main(asked) == 0
+    told = capsys.readouterr().out
+    assert "figure-3.3, root 2: " in told
+    assert "3.4.3-caption  [Figure 3.3]  INCONCLUSIVE AT THIS BUDGET (2 of 2)" in told
+    assert len(pd.read_csv(tmp_path / "verdicts.csv")) == 2
+
+
 def test_installed_command_helps():
     done = subprocess.run(
         [sys.executable, "-m", "thesis_lib.cli", "--help"], capture_output=True, text=True

@@ -117,26 +117,70 @@ class Run:
 
 @dataclass(frozen=True)
 class Claims:
-    """Judge the thesis's claims on saved results and print the ledger."""
+    """Judge the thesis's claims on saved results, or over seeds, and print the ledger.
+
+    With ``--seeds 10`` each claim is judged on 10 independent roots, whose tables are made first;
+    killed, the same command goes on where it was.
+    """
 
     only: tyro.conf.Positional[tuple[str, ...]] = ()
-    """Claims whose id or section starts so; default all."""
+    """Claims of these ids, or whose id or section starts so; default all."""
     results: Path | None = None
-    """Directory of results; default _build/results/book."""
+    """Directory of results; default _build/results/book, over seeds _build/claims."""
+    seeds: int = 0
+    """How many roots to judge on; 0 judges the saved results."""
+    budget: Budget = "book"
+    """Of the evidence over seeds."""
+    workers: int = 1
+    """Processes that make the evidence over seeds."""
+    out: Path | None = None
+    """Where verdicts.csv over seeds goes; default _build/claims.  The book reads results/claims."""
 
     def __call__(self) -> int:
         """Print the ledger."""
+        if self.seeds:
+            return self._over_seeds()
         from thesis_lib.edition.experiment import results_directory
         from thesis_lib.edition.scoreboard import judge_all
 
         judged = judge_all(self.results or results_directory("book"), self.only)
         for j in judged:
-            print(f"{j.claim.id}  [{j.claim.section}]  {str(j.finding.verdict).upper()}")
-            print(f"    claim:     {j.claim.statement}")
-            print(f"    criterion: {j.claim.criterion}")
-            print(f"    evidence:  {j.finding.evidence}")
+            _print_claim(j.claim, str(j.finding.verdict).upper(), j.finding.evidence)
         print(f"{len(judged)} claims")
         return 0
+
+    def _over_seeds(self) -> int:
+        from thesis_lib.checkout import repository_root
+        from thesis_lib.edition import roots
+        from thesis_lib.edition.chapters import claims
+        from thesis_lib.edition.ledger import select
+
+        out = writable_directory(self.out or repository_root() / "_build" / "claims")
+        judged = roots.judge_over(
+            select(claims(), self.only),
+            self.seeds,
+            budget=check_budget(self.budget),
+            workers=self.workers,
+            work=self.results,
+            say=lambda line: print(line, flush=True),
+        )
+        found = roots.save(judged, self.budget, out / "verdicts.csv")
+        for j in judged:
+            over, first = found[j.claim.id], next(iter(j.findings))
+            told = (
+                f"root {first}: {j.findings[first].evidence}" if first else j.findings[0].evidence
+            )
+            _print_claim(j.claim, f"{str(over.verdict).upper()} ({over.frequency})", told)
+        print(f"{len(judged)} claims, written to {out / 'verdicts.csv'}")
+        return 0
+
+
+def _print_claim(claim: Any, verdict: str, evidence: str) -> None:
+    """One claim of the ledger."""
+    print(f"{claim.id}  [{claim.section}]  {verdict}")
+    print(f"    claim:     {claim.statement}")
+    print(f"    criterion: {claim.criterion}")
+    print(f"    evidence:  {evidence}")
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from pathlib import Path
 
 PACKAGE = "thesis_lib"
 
-READER = "thesis_lib.edition.saved"
-"""The module through which a notebook reads the committed results of long runs."""
+READERS = {"thesis_lib.edition.saved": "results", "thesis_lib.edition.roots": "results/claims"}
+"""Modules through which a notebook reads the committed results of long runs, and where they lie."""
 
 _ONE_AT_A_TIME = threading.Lock()
 """Up to Python 3.11.7 two threads that parse at once can end in a SystemError
@@ -142,7 +142,6 @@ def saved_results(modules: dict[str, Path], root: Path) -> list[Path]:
     root
         The checkout, where ``results`` lies.
     """
-    if READER not in modules:
-        return []
-    files = (root / "results").rglob("*")
-    return sorted(f for f in files if f.is_file() and not hidden(f.relative_to(root)))
+    folders = [root / folder for reader, folder in READERS.items() if reader in modules]
+    files = {file for folder in folders for file in folder.rglob("*") if file.is_file()}
+    return sorted(file for file in files if not hidden(file.relative_to(root)))

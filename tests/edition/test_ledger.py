@@ -80,7 +80,9 @@ def test_pages_tell_every_claim_and_difference(tmp_path, monkeypatch):
     assert "**Verdict: reproduced.** mean 1.5" in page
     assert "## Chapter 3" in page
     assert "mean 1.5" in scoreboard.differences_markdown(tmp_path)
-    assert "Of 1 claims examined so far: 1 reproduced" in scoreboard.findings_markdown(tmp_path)
+    assert "Of 1 claims that evidence decides: 1 reproduced" in scoreboard.findings_markdown(
+        tmp_path
+    )
     assert scoreboard.scoreboard(tmp_path).loc[0, "verdict"] == "reproduced"
 
 

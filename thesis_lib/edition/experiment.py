@@ -16,7 +16,8 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import wraps
 from pathlib import Path
 from typing import Any, Generic, TypeVar, get_args, get_type_hints
 
@@ -50,13 +51,22 @@ class Context:
         All randomness comes from it.
     workers
         How many threads may work; the result does not depend on it.
+    drawn
+        Whether the run has asked for the seed so far; a result of one that never does is exact.
     """
 
     seed: int = 0
     workers: int = 1
+    drawn: bool = field(default=False, init=False, repr=False, compare=False)
+
+    def __getattribute__(self, name: str) -> Any:
+        if name == "seed":
+            object.__setattr__(self, "drawn", True)
+        return super().__getattribute__(name)
 
     def __post_init__(self) -> None:
         check_seed(self.seed)
+        object.__setattr__(self, "drawn", False)
         if self.workers < 1:
             raise ValueError(f"workers is {self.workers}, but at least 1 worker is needed.")
 
@@ -204,6 +214,7 @@ class Experiment(Generic[ConfigT]):
             "budget": budget if config is None or config == self.config(budget) else "custom",
             "config": dataclasses.asdict(chosen),  # type: ignore[call-overload]
             "seed": seed,
+            "drawn": context.drawn,
             "workers": workers,
             "wall_seconds": round(time.perf_counter() - clock, 3),
             "cpu_seconds": round(time.process_time() - cpu, 3),
@@ -241,6 +252,7 @@ def experiment(
     def make(function: Callable[[ConfigT, Context], Sequence[Any]]) -> Experiment[ConfigT]:
         (row,) = get_args(get_type_hints(function)["return"])
 
+        @wraps(function)
         def table(config: ConfigT, context: Context) -> pd.DataFrame:
             return table_of(row, function(config, context))
 

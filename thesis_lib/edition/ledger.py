@@ -16,7 +16,7 @@ from enum import StrEnum
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import pandas as pd
 
@@ -289,12 +289,73 @@ def _difference(
 
 
 @dataclass(frozen=True)
+class OverRoots:
+    """How often each verdict on a claim came out (:mod:`thesis_lib.edition.roots`).
+
+    Attributes
+    ----------
+    counts
+        Roots by verdict, the most frequent first.
+    budget
+        Of the evidence.
+    code
+        Digest of what made and judged it.
+    exact
+        Whether nothing was drawn, so that it was judged once.
+    """
+
+    counts: Mapping[Verdict, int]
+    budget: str
+    code: str
+    exact: bool
+
+    HOLDS: ClassVar[float] = 0.8
+    """Share of the roots in which a verdict must come out to be the claim's."""
+
+    @property
+    def of(self) -> int:
+        """Number of roots."""
+        return sum(self.counts.values())
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict that holds in enough roots, else inconclusive."""
+        most = next(iter(self.counts))
+        return most if self.counts[most] >= self.HOLDS * self.of else Verdict.INCONCLUSIVE
+
+    @property
+    def frequency(self) -> str:
+        """``10 of 10``; ``reproduced in 6, refuted in 4 of 10``; ``exact``."""
+        if self.exact:
+            return "exact"
+        if self.verdict in self.counts:
+            return f"{self.counts[self.verdict]} of {self.of}"
+        each = ", ".join(f"{verdict} in {n}" for verdict, n in self.counts.items())
+        return f"{each} of {self.of}"
+
+
+@dataclass(frozen=True)
 class Judgement:
-    """A claim with its finding and the budget of its evidence."""
+    """A claim with its finding, the budget of its evidence, and its verdicts over roots if any."""
 
     claim: Claim
     finding: Finding
     budget: str
+    over: OverRoots | None = None
+
+    @property
+    def verdict(self) -> Verdict:
+        """That over roots, or else that of the finding."""
+        return self.finding.verdict if self.over is None else self.over.verdict
+
+    def told(self) -> str:
+        """The verdict with its frequency, and that of the finding where it is another."""
+        if self.over is None or self.over.exact:
+            return str(self.verdict)
+        told = f"{self.verdict} ({self.over.frequency}"
+        if self.finding.verdict not in (self.verdict, Verdict.NOT_RUN):
+            told += f"; here {self.finding.verdict}"
+        return f"{told})"
 
 
 SMOKE_TELLS_NOTHING = "Not shown at the smoke budget, whose values carry no meaning."
@@ -333,6 +394,24 @@ def judge(claim: Claim, results: Path | str) -> Judgement:
 def finding(claim: Claim, tables: Tables, budget: str) -> Finding:
     """Judge a claim on tables made at one budget; at ``smoke`` nothing is told."""
     return NO_MEANING if budget == "smoke" else claim.judge(tables)
+
+
+def select(claims: Iterable[Claim], only: Iterable[str] = ()) -> list[Claim]:
+    """Claims of the ids given, or whose id or section starts so; all without any.
+
+    Raises
+    ------
+    ValueError
+        For a text with which nothing starts.
+    """
+    listed, chosen = list(claims), dict[str, Claim]()
+    for text in only:
+        own = [c for c in listed if c.id == text]
+        own = own or [c for c in listed if c.id.startswith(text) or c.section.startswith(text)]
+        if not own:
+            raise ValueError(f"no claim's id or section starts with {text!r}: see `thesis claims`.")
+        chosen |= {claim.id: claim for claim in own}
+    return list(chosen.values()) if only else listed
 
 
 def verdicts(

@@ -26,6 +26,7 @@ from IPython.core.getipython import get_ipython
 from IPython.display import display
 from threadpoolctl import threadpool_limits
 
+from thesis_lib.edition import roots
 from thesis_lib.edition.experiment import Experiment, check_budget, check_seed
 from thesis_lib.edition.ledger import (
     SMOKE_TELLS_NOTHING,
@@ -33,6 +34,8 @@ from thesis_lib.edition.ledger import (
     Claim,
     Difference,
     Finding,
+    Judgement,
+    OverRoots,
     finding,
     read_chapter,
 )
@@ -229,6 +232,8 @@ class Page:
         Of the page's chapter, by id.
     tables
         What :meth:`run` has made so far, by experiment id.
+    over
+        Committed verdicts over roots, by claim.
     """
 
     budget: str
@@ -237,6 +242,7 @@ class Page:
     claims: Mapping[str, Claim] = field(default_factory=dict, repr=False)
     differences: Mapping[str, Difference] = field(default_factory=dict, repr=False)
     tables: dict[str, pd.DataFrame] = field(default_factory=dict, repr=False)
+    over: Mapping[str, OverRoots] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         check_budget(self.budget)
@@ -292,9 +298,18 @@ class Page:
         self._need(difference, row.experiments)
         return SMOKE_TELLS_NOTHING if self.budget == "smoke" else row.effect(self.tables)
 
+    def _judged(self, claim: str) -> Judgement:
+        """A claim judged on this page's tables, and over roots where that is told."""
+        found = self.finding(claim)
+        over = None if self.budget == "smoke" else self.over.get(claim)
+        return Judgement(self.claims[claim], found, self.budget, over)
+
     def verdict(self, claim: str) -> str:
-        """The verdict on a claim, for a sentence: ``{eval}`page.verdict("3.3.1-bound")```."""
-        return str(self.finding(claim).verdict)
+        """The verdict on a claim, for a sentence: ``{eval}`page.verdict("3.3.1-bound")```.
+
+        It is the one over roots where that is committed, else that of this page's tables.
+        """
+        return str(self._judged(claim).verdict)
 
     def evidence(self, claim: str) -> str:
         """The evidence for the verdict on a claim, in sentences."""
@@ -303,11 +318,13 @@ class Page:
     table = staticmethod(table)
 
     def verdicts(self, *prefixes: str) -> pd.DataFrame:
-        """Claims whose ids start so, or all: columns ``claim``, ``verdict``, ``evidence``."""
-        chosen = [c for c in self.claims.values() if c.id.startswith(prefixes or "")]
-        found = [(c.statement, self.finding(c.id)) for c in chosen]
+        """Claims whose ids start so, or all: columns ``claim``, ``verdict``, ``evidence``.
+
+        The verdict is the one over roots, with its frequency; the evidence that of this page.
+        """
+        found = [self._judged(name) for name in self.claims if name.startswith(prefixes or "")]
         return pd.DataFrame(
-            [(statement, str(f.verdict), f.evidence) for statement, f in found],
+            [(j.claim.statement, j.told(), j.finding.evidence) for j in found],
             columns=["claim", "verdict", "evidence"],
         )
 
@@ -344,6 +361,7 @@ def start(namespace: Mapping[str, Any], chapter: ModuleType | None = None) -> Pa
         *(namespace["budget"], namespace["seed"], namespace["workers"]),
         claims={claim.id: claim for claim in found.claims},
         differences={row.id: row for row in found.differences},
+        over=roots.read(),
     )
 
     for variable in _THREAD_VARIABLES:  # for libraries and processes that start later

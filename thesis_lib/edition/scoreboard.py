@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
 import pandas as pd
 
+from thesis_lib.edition import roots
 from thesis_lib.edition.chapters import claims, differences
 from thesis_lib.edition.experiment import load
 from thesis_lib.edition.ledger import (
@@ -20,6 +22,7 @@ from thesis_lib.edition.ledger import (
     Judgement,
     Verdict,
     judge,
+    select,
 )
 
 ItemT = TypeVar("ItemT")
@@ -39,16 +42,15 @@ def judge_all(
     draft
         Whether a claim without its tables is ``not run``; else it is an error.
     """
-    prefixes = tuple(only)
-    judged = []
-    for claim in claims():
-        if not prefixes or claim.id.startswith(prefixes) or claim.section.startswith(prefixes):
-            try:
-                judged.append(judge(claim, results))
-            except FileNotFoundError as error:
-                if not draft:
-                    raise
-                judged.append(Judgement(claim, Finding(Verdict.NOT_RUN, str(error)), "none"))
+    judged, over = [], roots.read()
+    for claim in select(claims(), only):
+        try:
+            own = judge(claim, results)
+        except FileNotFoundError as error:
+            if not draft:
+                raise
+            own = Judgement(claim, Finding(Verdict.NOT_RUN, str(error)), "none")
+        judged.append(own if own.budget == "smoke" else replace(own, over=over.get(claim.id)))
     return judged
 
 
@@ -61,7 +63,8 @@ def scoreboard(results: Path | str) -> pd.DataFrame:
                 "section": j.claim.section,
                 "statement": j.claim.statement,
                 "criterion": j.claim.criterion,
-                "verdict": str(j.finding.verdict),
+                "verdict": str(j.verdict),
+                "frequency": j.over.frequency if j.over else "",
                 "evidence": j.finding.evidence,
                 "experiments": ", ".join(j.claim.experiments),
                 "budget": j.budget,
@@ -70,37 +73,94 @@ def scoreboard(results: Path | str) -> pd.DataFrame:
         ],
         columns=[
             *("id", "section", "statement", "criterion"),
-            *("verdict", "evidence", "experiments", "budget"),
+            *("verdict", "frequency", "evidence", "experiments", "budget"),
         ],
     )
 
 
 def scoreboard_markdown(results: Path | str, *, draft: bool = False) -> str:
-    """Body of the page *Scoreboard*: a tally, then every claim by chapter, as MyST Markdown."""
+    """Body of the page *Scoreboard*: tallies, then every claim by chapter, as MyST Markdown.
+
+    The verdicts are those over roots where they are committed, except at the smoke budget.
+    """
     judged = judge_all(results, draft=draft)
-    tally = Counter(j.finding.verdict for j in judged)
-    lines = ["| verdict | meaning | claims |", "| :-- | :-- | --: |"]
-    lines += [f"| **{v}** | {MEANING[v]} | {tally[v]} |" for v in Verdict if tally[v]]
-    lines += [f"| | all claims | {len(judged)} |", ""]
+    lines = _tally(judged)
     chapter = None
-    for j in _by_chapter(judged, lambda j: j.claim.section):
-        title = _chapter_of(j.claim.section)
-        if title != chapter:
-            chapter = title
+    for j in _by_chapter((j for j in judged if not j.claim.ours), lambda j: j.claim.section):
+        if (here := _chapter_of(j.claim.section)) != chapter:
+            chapter = here
             lines += [f"## {chapter}", ""]
-        lines += [
-            f"### {j.claim.statement}",
-            "",
-            f"**Verdict: {j.finding.verdict}.** {j.finding.evidence}",
-            "",
-            f"- *Where*: {j.claim.section}; claim `{j.claim.id}`",
-            f"- *Criterion*: {j.claim.criterion}",
-            "- *Evidence*: "
-            + (", ".join(f"`thesis run {e}`" for e in j.claim.experiments) or "exact computation")
-            + f" (budget: {j.budget})",
-            "",
-        ]
+        lines += _row(j)
+    lines += [
+        "## Claims of our own",
+        "",
+        "What the thesis at most implies, and is not counted.",
+        "",
+    ]
+    for j in judged:
+        lines += _row(j) if j.claim.ours else []
     return "\n".join(lines)
+
+
+def _tally(judged: list[Judgement]) -> list[str]:
+    """How many claims have which verdict, and how often it came out."""
+    evidence = [j for j in judged if _counts(j)]
+    identities = sum(j.claim.kind == "identity" and not j.claim.ours for j in judged)
+    ours = sum(j.claim.ours for j in judged)
+    lines = [
+        f"| verdict | meaning | {' | '.join(_CLASSES)} | claims |",
+        f"| :-- | :-- | {'--: | ' * len(_CLASSES)}--: |",
+    ]
+    for verdict in Verdict:
+        own = [j for j in evidence if j.verdict is verdict]
+        by = Counter(_frequency_class(j) for j in own)
+        if own:
+            cells = " | ".join(str(by[name] or "") for name in _CLASSES)
+            lines.append(f"| **{verdict}** | {MEANING[verdict]} | {cells} | {len(own)} |")
+    return [
+        *lines,
+        f"| | all that evidence decides {'| ' * len(_CLASSES)}| {len(evidence)} |",
+        "",
+        f"Besides these, {identities} claims are proofs or arithmetic, which no experiment can "
+        f"deny, and {ours} are our own.",
+        "",
+    ]
+
+
+_CLASSES = ("exact", "in all roots", "in most", "in fewer", "one root")
+
+
+def _frequency_class(judgement: Judgement) -> str:
+    over = judgement.over
+    if over is None:
+        return "one root" if judgement.claim.experiments else "exact"
+    if over.exact:
+        return "exact"
+    held = over.counts.get(over.verdict, 0)
+    return "in all roots" if held == over.of else "in most" if held else "in fewer"
+
+
+def _counts(judgement: Judgement) -> bool:
+    """Whether a claim is the thesis's own and evidence decides it."""
+    return not judgement.claim.ours and judgement.claim.kind == "evidence"
+
+
+def _row(j: Judgement) -> list[str]:
+    """One claim of the page *Scoreboard*."""
+    kind = " (an identity: not counted as evidence)" if j.claim.kind == "identity" else ""
+    made = ", ".join(f"`thesis run {e}`" for e in j.claim.experiments) or "exact computation"
+    lines = [
+        f"### {j.claim.statement}",
+        "",
+        f"**Verdict: {j.told()}.** {j.finding.evidence}",
+        "",
+        f"- *Where*: {j.claim.section}; claim `{j.claim.id}`{kind}",
+        f"- *Criterion*: {j.claim.criterion}",
+        f"- *Evidence*: {made} (budget: {j.budget})",
+    ]
+    if j.claim.experiments:
+        lines.append(f"- *Judge it again*: `thesis claims {j.claim.id} --seeds 10`")
+    return [*lines, ""]
 
 
 def differences_markdown(results: Path | str) -> str:
@@ -143,11 +203,11 @@ def effect(difference: Difference, results: Path | str) -> str:
 def findings_markdown(results: Path | str, *, draft: bool = False) -> str:
     """What was found, for the landing page: the tally and the verdicts on the headline claims."""
     judged = judge_all(results, draft=draft)
-    tally = Counter(j.finding.verdict for j in judged)
+    tally = Counter(j.verdict for j in judged if _counts(j))
     counts = ", ".join(f"{tally[v]} {v}" for v in Verdict if tally[v])
-    lines = [f"Of {len(judged)} claims examined so far: {counts}.", ""]
+    lines = [f"Of {tally.total()} claims that evidence decides: {counts}.", ""]
     lines += [
-        f"- {j.claim.statement} *{str(j.finding.verdict).capitalize()}.*"
+        f"- {j.claim.statement} *{str(j.verdict).capitalize()}.*"
         for j in judged
         if j.claim.headline
     ]

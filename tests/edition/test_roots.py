@@ -1,0 +1,157 @@
+"""Verdicts over roots: counted, resumed, exact where nothing is drawn."""
+
+from dataclasses import dataclass, replace
+
+import pandas as pd
+import pytest
+
+from thesis_lib.edition import experiment as base
+from thesis_lib.edition import roots, scoreboard
+from thesis_lib.edition.ledger import Claim, Finding, Judgement, OverRoots, Verdict, select
+
+REPRODUCED, REFUTED = Verdict.REPRODUCED, Verdict.REFUTED
+
+
+@dataclass(frozen=True)
+class Config:
+    low: float = 0.0
+
+
+def drawn(config, context):
+    """The root itself, so that what a claim says of it is known."""
+    return pd.DataFrame({"value": [float(context.seed) + config.low]})
+
+
+def fixed(config, context):
+    """Nothing drawn."""
+    return pd.DataFrame({"value": [1.0]})
+
+
+def toy(name, function):
+    budgets = dict.fromkeys(base.BUDGETS, Config())
+    return base.Experiment(name, name, "", function, budgets, {"value": ""}, 0.0)
+
+
+def claim(name, experiment, least):
+    def judge(tables):
+        value = float(tables[experiment].value.iloc[0])
+        verdict = REPRODUCED if value >= least else REFUTED
+        return Finding(verdict, f"{value:g}", {"value": value})
+
+    return Claim(name, "3.1", "It is so.", (experiment,), f"At least {least}.", judge)
+
+
+CLAIMS = [claim("often", "drawn", 3), claim("seldom", "drawn", 6), claim("sure", "fixed", 1)]
+
+
+@pytest.fixture(autouse=True)
+def known(monkeypatch):
+    """Two experiments, one of which draws."""
+    made = {"drawn": toy("drawn", drawn), "fixed": toy("fixed", fixed)}
+    monkeypatch.setattr(roots, "_experiments", lambda: made)
+    return made
+
+
+def judged(tmp_path, n=10, budget="book", lines=None):
+    say = [].append if lines is None else lines.append
+    return roots.judge_over(CLAIMS, n, budget=budget, work=tmp_path / "work", say=say)
+
+
+def test_the_verdict_is_the_one_of_eight_roots_in_ten(tmp_path):
+    """Roots 3 to 10 are at least 3; roots 6 to 10 are at least 6."""
+    file = tmp_path / "out" / "verdicts.csv"
+    found = roots.save(judged(tmp_path), "book", file)
+    assert (found["often"].verdict, found["often"].frequency) == (REPRODUCED, "8 of 10")
+    assert found["seldom"].verdict is Verdict.INCONCLUSIVE
+    assert found["seldom"].frequency == "refuted in 5, reproduced in 5 of 10"
+    assert (found["sure"].verdict, found["sure"].frequency) == (REPRODUCED, "exact")
+    assert roots.read(file) == found
+    assert len(pd.read_csv(file)) == 10 + 10 + 1
+
+
+def test_only_tables_that_are_missing_or_of_other_code_are_made(tmp_path, monkeypatch, known):
+    lines = []
+    judged(tmp_path, 3, lines=lines)
+    assert [line.partition(":")[0] for line in lines] == [
+        *("drawn, root 1", "fixed, root 1", "drawn, root 2", "drawn, root 3"),
+    ]
+    (tmp_path / "work" / "book" / "root-2" / "drawn.json").unlink()
+    lines.clear()
+    judged(tmp_path, 3, lines=lines)
+    assert [line.partition(":")[0] for line in lines] == ["drawn, root 2"]
+    monkeypatch.setattr(roots, "code_of_table", lambda experiment, budget: "other")
+    lines.clear()
+    judged(tmp_path, 3, lines=lines)
+    assert len(lines) == 4
+
+
+def test_verdicts_of_other_claims_stay(tmp_path):
+    file = tmp_path / "verdicts.csv"
+    every = judged(tmp_path, 2)
+    roots.save(every, "book", file)
+    roots.save(every[:1], "book", file)
+    assert set(roots.read(file)) == {"often", "seldom", "sure"}
+    assert len(pd.read_csv(file)) == 2 + 2 + 1
+
+
+def test_smoke_judges_nothing(tmp_path):
+    found = roots.save(judged(tmp_path, 2, "smoke"), "smoke", tmp_path / "verdicts.csv")
+    assert {over.verdict for over in found.values()} == {Verdict.INCONCLUSIVE}
+
+
+@pytest.mark.parametrize(("n", "workers", "message"), [(0, 1, "seeds is 0"), (1, 0, "workers is")])
+def test_at_least_one(tmp_path, n, workers, message):
+    with pytest.raises(ValueError, match=message):
+        roots.judge_over(CLAIMS, n, budget="book", workers=workers, work=tmp_path)
+
+
+def test_code_counts_and_its_dress_does_not():
+    plain = "def f(x):\n    return x + 1\n"
+    dressed = '"""Module."""\n\n\ndef f(x):\n    """Adds."""\n    return x + 1  # one\n'
+    figure = plain + "def g(x) -> Figure:\n    return x\n"
+    other = plain + "def h(x):\n    return x\n"
+    assert roots._deciding(plain) == roots._deciding(dressed) == roots._deciding(figure)
+    assert roots._deciding(plain) != roots._deciding(other)
+    assert roots._deciding(plain) != roots._deciding(plain.replace("1", "2"))
+
+
+def test_of_a_tables_own_file_only_what_its_function_reaches_counts():
+    code = "A = 1\ndef g():\n    return A\ndef f():\n    return g()\ndef judge():\n    return 2\n"
+    assert roots._deciding(code, "f") == roots._deciding(code.replace("2", "3"), "f")
+    assert roots._deciding(code, "f") != roots._deciding(code.replace("1", "3"), "f")
+
+
+def test_a_config_counts():
+    one, other = (toy("drawn", drawn), toy("drawn", drawn))
+    other.budgets["book"] = Config(1.0)
+    assert roots.code_of_table(one, "book") != roots.code_of_table(other, "book")
+    assert roots.code_of_table(one, "smoke") == roots.code_of_table(other, "smoke")
+
+
+def test_select_takes_an_id_before_what_starts_so():
+    one, two = replace(CLAIMS[0], id="3.1-a"), replace(CLAIMS[0], id="3.1-a-b", section="4")
+    assert select([one, two], ["3.1-a"]) == [one]
+    assert select([one, two], ["3.1-"]) == [one, two]
+    assert select([one, two]) == [one, two]
+    with pytest.raises(ValueError, match="'5'"):
+        select([one, two], ["5"])
+
+
+def test_pages_tell_the_verdict_over_roots_and_the_one_here():
+    over = OverRoots({REPRODUCED: 9, REFUTED: 1}, "book", "", False)
+    here = Judgement(CLAIMS[0], Finding(REFUTED, "2"), "book", over)
+    assert here.verdict is REPRODUCED
+    assert here.told() == "reproduced (9 of 10; here refuted)"
+    assert replace(here, finding=Finding(REPRODUCED, "4")).told() == "reproduced (9 of 10)"
+    assert replace(here, over=None).told() == "refuted"
+    row = "\n".join(scoreboard._row(here))
+    assert "`thesis claims often --seeds 10`" in row
+
+
+def test_the_tally_counts_neither_identities_nor_claims_of_our_own():
+    one = Judgement(CLAIMS[0], Finding(REPRODUCED, ""), "book")
+    identity = replace(one, claim=replace(CLAIMS[0], kind="identity"))
+    ours = replace(one, claim=replace(CLAIMS[0], ours=True))
+    told = "\n".join(scoreboard._tally([one, one, identity, ours]))
+    assert "| **reproduced** | the criterion holds |  |  |  |  | 2 | 2 |" in told
+    assert "1 claims are proofs" in told

@@ -1,0 +1,318 @@
+"""Verdicts over roots: how often each comes out when every random number is drawn anew.
+
+A claim whose evidence is drawn is judged on several independent roots, the seeds 1 to n (the
+book's own pages show root 0).  Its verdict is the one that comes out in at least eight of ten,
+else inconclusive.  Evidence that no run draws is exact, and judged once.
+
+``thesis claims --seeds 10`` makes the tables, below ``_build/claims``, and judges them; killed,
+it goes on with the first table that is missing or was made by other code.  What it finds is
+committed as ``results/claims/verdicts.csv``, which the pages read.
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import hashlib
+import inspect
+import json
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from dataclasses import dataclass
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.checkout import commit, repository_root
+from thesis_lib.edition import chapters
+from thesis_lib.edition.experiment import Experiment, load, read_csv
+from thesis_lib.edition.ledger import Claim, Criterion, Finding, OverRoots, Verdict, finding
+from thesis_lib.files import replacing, writable_directory
+from thesis_lib.imports import closure, data_files
+
+COLUMNS = ("claim", "root", "verdict", "budget", "numbers", "code", "commit")
+"""Of ``verdicts.csv``.  Root 0 stands for evidence that is exact; ``numbers`` are those that
+decided, as JSON; ``code`` is a digest of what made and judged the evidence."""
+
+
+def committed() -> Path:
+    """Where the verdicts lie that the pages read."""
+    return repository_root() / "results" / "claims" / "verdicts.csv"
+
+
+def read(file: Path | None = None) -> dict[str, OverRoots]:
+    """Verdicts over roots by claim; none where the file is missing."""
+    file = committed() if file is None else file
+    return over_roots(read_csv(file)) if file.is_file() else {}
+
+
+def over_roots(table: pd.DataFrame) -> dict[str, OverRoots]:
+    """Verdicts over roots by claim, of a table with :data:`COLUMNS`."""
+    found = {}
+    for claim, own in table.groupby("claim", sort=False):
+        counts = Counter(Verdict(v) for v in own.verdict)
+        exact = bool((own["root"] == 0).all())
+        found[str(claim)] = OverRoots(
+            dict(counts.most_common()), own.budget.iloc[0], own.code.iloc[0], exact
+        )
+    return found
+
+
+# ------------------------------------------------------------------------------ tables
+@cache
+def _experiments() -> dict[str, Experiment[Any]]:
+    return chapters.experiments()
+
+
+@dataclass(frozen=True)
+class Job:
+    """One experiment on one root."""
+
+    experiment: str
+    root: int
+    budget: str
+    work: Path
+    code: str
+
+    @property
+    def folder(self) -> Path:
+        """Where its table lies."""
+        return self.work / self.budget / f"root-{self.root}"
+
+    def provenance(self) -> dict[str, Any] | None:
+        """That of its table, if there is one made by the code as it is."""
+        record = self.folder / f"{self.experiment}.json"
+        if not record.is_file():
+            return None
+        found: dict[str, Any] = json.loads(record.read_text(encoding="utf-8"))
+        return found if found.get("code") == self.code else None
+
+    def __call__(self) -> Job:
+        """Make the table."""
+        result = _experiments()[self.experiment].run(self.budget, seed=self.root)
+        stamped = {**result.provenance, "code": self.code}
+        dataclasses.replace(result, provenance=stamped).save(self.folder)
+        return self
+
+
+def make(jobs: Sequence[Job], workers: int, say: Callable[[str], None]) -> None:
+    """Make the tables that are missing, in processes of their own if there are several workers."""
+    missing = [job for job in jobs if job.provenance() is None]
+
+    def told(job: Job, done: int) -> None:
+        seconds = (job.provenance() or {}).get("wall_seconds", 0.0)
+        say(f"{job.experiment}, root {job.root}: {seconds:.0f} s ({done} of {len(missing)})")
+
+    if workers == 1:
+        for done, job in enumerate(missing, 1):
+            told(job(), done)
+        return
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        waiting = {pool.submit(job) for job in missing}
+        try:
+            while waiting:
+                ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+                for future in ready:
+                    told(future.result(), len(missing) - len(waiting))
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+# ------------------------------------------------------------------------------ code
+def code_of_table(experiment: Experiment[Any], budget: str) -> str:
+    """Digest of a config and of the code that makes a table of it.
+
+    In the experiment's own file only what its function reaches counts, so that a criterion or a
+    figure can be changed without making the table again.
+    """
+    function = experiment.function
+    return _digest([function], repr(experiment.config(budget)), reached=function)
+
+
+def code_of_claim(claim: Claim, budget: str) -> str:
+    """Digest of what makes and judges a claim's evidence."""
+    owner = getattr(claim.judge, "__self__", None)
+    judge = owner.function if isinstance(owner, Criterion) else claim.judge
+    known = [_experiments()[e] for e in claim.experiments]
+    configs = [repr(e.config(budget)) for e in known]
+    return _digest([judge, *(e.function for e in known)], *configs)
+
+
+def _digest(
+    functions: Iterable[Callable[..., Any]],
+    *texts: str,
+    reached: Callable[..., Any] | None = None,
+) -> str:
+    """Hash of texts and of the code some functions rest on.
+
+    Comments, docstrings, figures and the framework of the edition decide no number and are left
+    out.
+    """
+    root = Path(inspect.getfile(chapters)).parents[2]
+    modules = {
+        name: file
+        for name, file in closure(
+            sorted({f"import {f.__module__}" for f in functions}), root
+        ).items()
+        if not name.startswith("thesis_lib.edition.") or name.endswith(".criteria")
+    }
+    hashed = hashlib.sha256("\0".join(texts).encode())
+    for name, file in modules.items():
+        start = reached.__name__ if reached and reached.__module__ == name else ""
+        hashed.update(_deciding(file.read_text(encoding="utf-8"), start).encode())
+    for file in data_files(modules):
+        if file.name != "claims.toml":
+            hashed.update(file.read_bytes())
+    return hashed.hexdigest()[:12]
+
+
+@cache
+def _deciding(source: str, start: str = "") -> str:
+    """What of Python source decides a number, or only what one of its functions reaches."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        if isinstance(body := getattr(node, "body", None), list):
+            node.body = [x for x in body if not _decides_nothing(x)]  # type: ignore[attr-defined]
+    if not start:
+        return ast.dump(tree)
+    by: dict[str, ast.stmt] = {}
+    for node in tree.body:
+        named = [node.name] if isinstance(node, ast.FunctionDef | ast.ClassDef) else [
+            x.id for x in ast.walk(node) if isinstance(x, ast.Name) and isinstance(x.ctx, ast.Store)
+        ]  # fmt: skip
+        by |= dict.fromkeys(named, node)
+    found: dict[str, str] = {}
+    waiting = {start}
+    while waiting:
+        name = waiting.pop()
+        if name in by and name not in found:
+            found[name] = ast.dump(by[name])
+            waiting |= {x.id for x in ast.walk(by[name]) if isinstance(x, ast.Name)}
+    return "".join(found[name] for name in sorted(found))
+
+
+def _decides_nothing(node: ast.stmt) -> bool:
+    """Whether a statement is a docstring or the definition of a figure."""
+    if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+        return True
+    returns = node.returns if isinstance(node, ast.FunctionDef) else None
+    return returns is not None and ast.unparse(returns) == "Figure"
+
+
+# ------------------------------------------------------------------------------ verdicts
+@dataclass(frozen=True)
+class Judged:
+    """A claim's findings by root, the first of them first."""
+
+    claim: Claim
+    findings: Mapping[int, Finding]
+
+
+def judge_over(
+    claims: Sequence[Claim],
+    roots: int,
+    *,
+    budget: str,
+    workers: int = 1,
+    work: Path | None = None,
+    say: Callable[[str], None] = print,
+) -> list[Judged]:
+    """Judge claims on independent roots, making the tables that are missing.
+
+    Parameters
+    ----------
+    claims
+        Which.
+    roots
+        How many; the seeds are 1 to this number.
+    budget
+        Of the evidence; at ``smoke`` nothing is judged.
+    workers
+        Processes.
+    work
+        Where tables are kept; default ``_build/claims``.
+    say
+        Called with a line for each table made.
+
+    Returns
+    -------
+    list of Judged
+        Root 0 where nothing is drawn.
+
+    Raises
+    ------
+    ValueError
+        For less than 1 root or worker.
+    """
+    for name, value in (("seeds", roots), ("workers", workers)):
+        if value < 1:
+            raise ValueError(f"{name} is {value}, but at least 1 is needed.")
+    folder = writable_directory(work or repository_root() / "_build" / "claims")
+    needed = dict.fromkeys(e for claim in claims for e in claim.experiments)
+    known = sorted((_experiments()[e] for e in needed), key=lambda e: -float(e.seconds))  # type: ignore[arg-type]
+    codes = {e.id: code_of_table(e, budget) for e in known}
+
+    def jobs(root: int) -> list[Job]:
+        # Which experiments draw at all is known from their first root.
+        drawn = [e for e in known if root == 1 or e.id in stochastic]
+        return [Job(e.id, root, budget, folder, codes[e.id]) for e in drawn]
+
+    stochastic: set[str] = set()
+    make(jobs(1), workers, say)
+    stochastic = {job.experiment for job in jobs(1) if (job.provenance() or {})["drawn"]}
+    make([job for root in range(2, roots + 1) for job in jobs(root)], workers, say)
+
+    def table(experiment: str, root: int) -> pd.DataFrame:
+        chosen = root if experiment in stochastic else 1
+        return load(experiment, Job(experiment, chosen, budget, folder, "").folder)[0]
+
+    judged = []
+    for claim in claims:
+        own = range(1, roots + 1) if stochastic & set(claim.experiments) else [0]
+        judged.append(
+            Judged(
+                claim,
+                {
+                    root: finding(claim, {e: table(e, root) for e in claim.experiments}, budget)
+                    for root in own
+                },
+            )
+        )
+    return judged
+
+
+def save(judged: Sequence[Judged], budget: str, file: Path) -> dict[str, OverRoots]:
+    """Write verdicts beside those of other claims in a file, and return what they come to."""
+    state = commit()
+    rows = [
+        (
+            *(j.claim.id, root, str(found.verdict), budget if j.claim.experiments else "exact"),
+            *(_rounded(found.numbers), code_of_claim(j.claim, budget), state),
+        )
+        for j in judged
+        for root, found in j.findings.items()
+    ]
+    table = pd.DataFrame(rows, columns=list(COLUMNS))
+    mine = over_roots(table)
+    writable_directory(file.parent)
+    if file.is_file():
+        others = read_csv(file)
+        table = pd.concat([others[~others.claim.isin(mine)], table])
+    table = table.sort_values(["claim", "root"], kind="stable")
+    with replacing(file) as temporary:
+        table.to_csv(temporary, index=False)
+    return mine
+
+
+def _rounded(numbers: Mapping[str, float]) -> str:
+    """Numbers as JSON, to four digits; what is not finite as null."""
+    return json.dumps(
+        {k: float(f"{v:.4g}") if np.isfinite(v) else None for k, v in numbers.items()},
+        ensure_ascii=False,
+    )
