@@ -1,0 +1,130 @@
+"""Pilots behind the settings that the thesis does not print (section 5.2 and table 5.1).
+
+Each run varies one unprinted setting at the printed batch of 50,000 steps, on flat ground.
+``python benchmarks/calibration.py`` trains those that are missing, some eight core-hours on one
+slow core, and writes ``results/calibration``; ``--read FOLDER`` only writes what a folder of runs
+holds.  Chapter 5's calibration table is made from it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from thesis_lib.files import replacing
+from thesis_lib.training.config import SUBSET, TrainConfig, settled
+from thesis_lib.training.sweep import sweep
+
+ITERATIONS = 100
+OUT = Path(__file__).parents[1] / "results" / "calibration"
+
+COLUMNS = {
+    "task": "robot, flat ground",
+    "architecture": "net",
+    "seed": "seed of the run",
+    "sensors": "all, or a reading of table 5.1's subset (text, literal, code)",
+    "time_constant": "initial time constants of the CTRNN in seconds",
+    "head_scale": "what the output layer's initial weights are multiplied with",
+    "delta_kl": "bound on the divergence in nats",
+    "iteration": "from 1",
+    "steps": "control steps learned from so far",
+    "mean_return": "mean return of the batch",
+}
+
+
+def pilots() -> Iterator[TrainConfig]:
+    """All runs, those that decide most first."""
+    cheetah: dict[str, Any] = {"task": "HalfCheetah", "iterations": ITERATIONS}
+    hopper: dict[str, Any] = {"task": "Hopper", "iterations": ITERATIONS}
+    for features in ("text", "literal", "code"):
+        yield TrainConfig(**hopper, architecture="dtrnn", features=features)
+    for seed in (0, 1):
+        for tau in (0.1, 0.3):
+            yield TrainConfig(**cheetah, architecture="ctrnn", time_constant=tau, seed=seed)
+    for net, seeds in {"ffwd": 2, "gru": 3, "lstm": 2, "dtrnn": 1, "esn": 1}.items():
+        for seed in range(seeds):
+            for scale in (1.0, 0.1):
+                yield TrainConfig(**cheetah, architecture=net, head_scale=scale, seed=seed)
+    for seed in (0, 1):
+        yield TrainConfig(**cheetah, architecture="ffwd", head_scale=0.1, delta_kl=0.1, seed=seed)
+    yield TrainConfig(**cheetah, architecture="lstm", head_scale=0.1, delta_kl=0.1)
+    for delta in (0.05, 0.1):
+        yield TrainConfig(**cheetah, architecture="dffwd", delta_kl=delta)
+    yield TrainConfig(**hopper, architecture="ctrnn", features="code", time_constant=0.1)
+
+
+def stated(record: dict[str, Any]) -> dict[str, Any]:
+    """The settings of a run that tell the rows of the table apart, from its ``run.json``."""
+    known = {name: record["config"][name] for name in TrainConfig.__dataclass_fields__
+             if name in record["config"]}  # fmt: skip
+    config = TrainConfig(**known)
+    narrowed = config.task in SUBSET and config.architecture in ("dtrnn", "ctrnn", "gru", "lstm")
+    return {
+        "task": config.task,
+        "architecture": config.architecture,
+        "seed": config.seed,
+        "sensors": config.features if narrowed else "all",
+        "time_constant": config.time_constant if config.architecture == "ctrnn" else None,
+        "head_scale": record.get("head_scale", settled(config)["head_scale"]),
+        "delta_kl": record["delta_kl"],
+    }
+
+
+def write(folders: list[Path]) -> None:
+    """Write the curves and the provenance of every run that the folders hold, longest first."""
+    runs: dict[str, tuple[dict[str, Any], pd.DataFrame, dict[str, Any]]] = {}
+    for path in sorted(p for f in folders for p in f.glob("*/run.json")):
+        record = json.loads(path.read_text(encoding="utf-8"))
+        curve = pd.read_csv(path.parent / "curve.csv")
+        curve = curve[curve.iteration <= ITERATIONS]
+        settings = stated(record)
+        if settings["task"] == "Swimmer" or record["config"]["integrator"] != "heun":
+            continue  # the table has no column that tells these apart
+        provenance = {
+            **settings,
+            "iterations": len(curve),
+            "of": ITERATIONS,
+            **{k: record[k] for k in ("commit", "code", "versions") if k in record},
+            "processor_seconds": round(curve.sampling_seconds.sum() + curve.update_seconds.sum()),
+        }
+        key = json.dumps(settings)
+        if key not in runs or len(runs[key][1]) < len(curve):
+            runs[key] = (settings, curve, provenance)
+    ordered = [runs[key] for key in sorted(runs)]
+    table = pd.concat(
+        [curve[["iteration", "steps", "mean_return"]].assign(**s) for s, curve, _ in ordered]
+    )
+    with replacing(OUT / "curves.csv") as temporary:
+        table[list(COLUMNS)].to_csv(temporary, index=False, float_format="%.6g")
+    about = {
+        "title": "Learning curves of runs that vary one unprinted setting at a time, at the "
+        "printed batch.",
+        "columns": COLUMNS,
+        "command": "python benchmarks/calibration.py",
+        "rows": len(table),
+        "runs": [provenance for *_, provenance in ordered],
+    }
+    with replacing(OUT / "curves.json") as temporary:
+        temporary.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+
+
+def main() -> None:
+    """Train what is missing and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--read", type=Path, nargs="+", help="folders of runs; train nothing")
+    parser.add_argument("--workers", type=int, default=None)
+    asked = parser.parse_args()
+    if not asked.read:
+        folder = Path("_build/runs/calibration")
+        sweep(list(pilots()), folder, workers=asked.workers)
+        asked.read = [folder]
+    write(asked.read)
+
+
+if __name__ == "__main__":
+    main()
