@@ -31,7 +31,7 @@ LAYERS = (
     },
     {"training"},
     {"edition"},
-    {"chapter2", "chapter3", "experiments", "chapter4", "chapter5"},
+    {"appendix_a", "chapter2", "chapter3", "experiments", "chapter4", "chapter5"},
     {"claims", "book", "cli", "cli_parts", "cli_training"},
 )
 LEVEL = {unit: level for level, units in enumerate(LAYERS) for unit in units}

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.book.chapter4 import returns, roc
-from thesis_lib.book.drawings import draw_heat
 from thesis_lib.domains.heat import HeatTask
+from thesis_lib.edition.drawings import draw_heat
 from thesis_lib.edition.plots import COLOURS, PRINTED
 from thesis_lib.experiments.chapter4.heat_worlds import HeatSpace
 from thesis_lib.experiments.chapter4.protocol import SYMBOLS

@@ -24,7 +24,7 @@ class HeatEnv(gymnasium.Env[FloatArray, np.int64]):
     source
         Where the source is; if None, a new task is drawn from the domain at every reset.
     render_mode
-        Only None: :func:`thesis_lib.book.drawings.draw_heat` draws a task.
+        Only None: :func:`thesis_lib.edition.drawings.draw_heat` draws a task.
     **world
         Passed to :class:`~thesis_lib.domains.heat.HeatWorld`.
     """

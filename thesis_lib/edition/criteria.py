@@ -21,6 +21,9 @@ from thesis_lib.stats import Summary, chi_square, equivalence, holm, welch
 LEVEL = 0.05
 """Significance below which a difference counts."""
 
+EXACT = 1e-9
+"""Relative difference below which numbers computed in double precision count as equal."""
+
 
 @dataclass(frozen=True)
 class Pair:
@@ -167,6 +170,19 @@ def near_printed(
         f"{far.max():.1f} standard errors.",
         {"chi_square": total, "p": p, "farthest": float(far.max())},
     )
+
+
+def exact(holds: bool | np.bool_, evidence: str) -> Finding:
+    """Whether an exact computation, which decides either way, shows the statement.
+
+    Parameters
+    ----------
+    holds
+        Refuted if not.
+    evidence
+        What was computed, in sentences that state no outcome.
+    """
+    return Finding(Verdict.REPRODUCED if holds else Verdict.REFUTED, evidence)
 
 
 def within(values: Mapping[str, float], low: float, high: float, what: str) -> Finding:

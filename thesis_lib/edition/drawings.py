@@ -1,4 +1,4 @@
-"""Pictures of example tasks: figures 3.3a, 3.4a and A.1 to A.3, the cliff and the heat domain.
+"""Pictures of example tasks: figures 3.3a and 3.4a, the cliff and the heat domain.
 
 Every function draws into the axes it is given, or makes a figure of its own, and
 returns the axes.
@@ -16,12 +16,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 from numpy.typing import ArrayLike
 
-from thesis_lib.domains.cliff import ACTIONS, MOVES, CliffLayout
+from thesis_lib.domains.cliff import MOVES, CliffLayout
 from thesis_lib.domains.heat import HeatTask
 from thesis_lib.domains.stock import StockMDP
 from thesis_lib.domains.triangle import STATES, TriangleLayout
 from thesis_lib.edition.plots import COLOURS
-from thesis_lib.mdp.model import TabularMDP
 
 BLUE, VERMILION, GREEN, PURPLE, ORANGE = COLOURS[:5]
 INK = "#222222"
@@ -33,19 +32,11 @@ NODE = 0.3
 Point = tuple[float, float]
 Line = Literal["-", "--", ":"]
 
-ACTION_A: tuple[Line, str] = ("-", BLUE)
-ACTION_B: tuple[Line, str] = ("--", VERMILION)
-BOTH: tuple[Line, str] = ("-", "#767676")
 HELPS: tuple[Line, str] = ("-", GREEN)
 HINDERS: tuple[Line, str] = ("--", VERMILION)
 
-TWO: tuple[Point, ...] = ((0.0, 0.0), (1.9, 0.0))
-THREE: tuple[Point, ...] = ((0.0, 0.0), (2.6, 0.0), (1.3, -2.0))
-FOUR: tuple[Point, ...] = ((0.0, 0.0), (2.6, 0.0), (0.0, -2.6), (2.6, -2.6))
-"""Places for the states of figures A.1, A.2 and A.3."""
 
-
-def _blank(ax: Axes | None, width: float, height: float) -> Axes:
+def blank(ax: Axes | None, width: float, height: float) -> Axes:
     """Axes without frame and ticks, with equal scales."""
     if ax is None:
         _, ax = plt.subplots(figsize=(width, height))
@@ -54,12 +45,13 @@ def _blank(ax: Axes | None, width: float, height: float) -> Axes:
     return ax
 
 
-def _node(ax: Axes, at: Point, label: str, *, face: str = PALE, radius: float = NODE) -> None:
+def node(ax: Axes, at: Point, label: str, *, face: str = PALE, radius: float = NODE) -> None:
+    """A state: a circle with its name."""
     ax.add_patch(Circle(at, radius, facecolor=face, edgecolor=INK, linewidth=1.2, zorder=3))
     ax.text(at[0], at[1], label, ha="center", va="center", zorder=4)
 
 
-def _arrow(
+def arrow(
     ax: Axes,
     start: Point,
     end: Point,
@@ -89,16 +81,16 @@ def _arrow(
     if label:
         # Nearer to the start, so that arrows there and back keep their words apart.
         x, y = curve[len(curve) // 3]
-        _label(ax, x, y, label, colour)
+        write(ax, x, y, label, colour)
 
 
-def _label(ax: Axes, x: float, y: float, text: str, colour: str) -> None:
+def write(ax: Axes, x: float, y: float, text: str, colour: str) -> None:
     """A word on an arrow, on a white ground."""
     box = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
     ax.text(x, y, text, ha="center", va="center", color=colour, fontsize=9, zorder=5, bbox=box)
 
 
-def _loop(
+def loop(
     ax: Axes,
     at: Point,
     towards: Point,
@@ -125,10 +117,11 @@ def _loop(
     )  # fmt: skip
     if label:
         x, y = centre + (size + 0.18 + 0.03 * len(label) * abs(out[0])) * out
-        _label(ax, x, y, label, colour)
+        write(ax, x, y, label, colour)
 
 
-def _fit(ax: Axes, points: ArrayLike, margin: float) -> None:
+def fit(ax: Axes, points: ArrayLike, margin: float) -> None:
+    """Show all points, shape ``(n, 2)``, with a margin around them."""
     low, high = np.min(points, axis=0) - margin, np.max(points, axis=0) + margin
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(low[1], high[1])
@@ -162,7 +155,7 @@ def draw_cliff(
     -------
     Axes
     """
-    ax = _blank(ax, 3.0, 3.0)
+    ax = blank(ax, 3.0, 3.0)
     n = layout.size
     for x in range(n):
         for y in range(n):
@@ -210,17 +203,6 @@ def draw_cliff(
     return ax
 
 
-def draw_compass(ax: Axes | None = None) -> Axes:
-    """The four actions of the cliff domain."""
-    ax = _blank(ax, 1.2, 1.2)
-    for name, (dx, dy) in zip(ACTIONS, MOVES, strict=True):
-        ax.annotate("", (dx, dy), (0, 0), arrowprops={"arrowstyle": "-|>", "color": INK})
-        ax.text(1.3 * dx, 1.3 * dy, name, ha="center", va="center")
-    ax.set_xlim(-1.6, 1.6)
-    ax.set_ylim(-1.6, 1.6)
-    return ax
-
-
 def draw_triangle(layout: TriangleLayout, *, legend: bool = True, ax: Axes | None = None) -> Axes:
     """One triangle task (figure 3.3a): L dashed, R solid, U dotted.
 
@@ -237,7 +219,7 @@ def draw_triangle(layout: TriangleLayout, *, legend: bool = True, ax: Axes | Non
     -------
     Axes
     """
-    ax = _blank(ax, 3.4, 3.4)
+    ax = blank(ax, 3.4, 3.4)
     face = "#f6d5c4" if layout.red else "#cfe8dc"
     # State 1 bottom left, 2 top, 3 bottom right; counting up walks clockwise.
     angle = {1: 210, 2: 90, 3: 330}
@@ -250,22 +232,22 @@ def draw_triangle(layout: TriangleLayout, *, legend: bool = True, ax: Axes | Non
     goal = tuple(np.array(at[layout.goal]) + 1.15 * np.array(outward[layout.goal]))
     sides: dict[str, tuple[Line, str]] = {"L": ("--", BLUE), "R": ("-", INK), "U": (":", VERMILION)}
     for s in STATES:
-        _node(ax, at[s], str(s), face=face)
+        node(ax, at[s], str(s), face=face)
         for action in ("L", "R"):
             style, colour = sides[action]
             target = layout.neighbour(s, action)
             if target == s:
                 out = (-1.0, 0.0) if s == 1 else (1.0, 0.0)
-                _loop(ax, at[s], out, style=style, colour=colour)
+                loop(ax, at[s], out, style=style, colour=colour)
             else:
-                _arrow(ax, at[s], at[target], style=style, colour=colour, bend=0.16)
+                arrow(ax, at[s], at[target], style=style, colour=colour, bend=0.16)
         style, colour = sides["U"]
         if s == layout.goal:
-            _arrow(ax, at[s], goal, style=style, colour=colour)
+            arrow(ax, at[s], goal, style=style, colour=colour)
         else:
-            _loop(ax, at[s], outward[s], style=style, colour=colour)
-    _node(ax, goal, "goal", face="white", radius=NODE)
-    _fit(ax, [*at.values(), goal, (1.6, 0), (-1.6, 0)], 0.75)
+            loop(ax, at[s], outward[s], style=style, colour=colour)
+    node(ax, goal, "goal", face="white", radius=NODE)
+    fit(ax, [*at.values(), goal, (1.6, 0), (-1.6, 0)], 0.75)
     if legend:
         handles = [
             Line2D([], [], linestyle=style, color=colour, linewidth=1.6, label=action)
@@ -302,7 +284,7 @@ def draw_stock(
     """
     size = task.size
     S, E, G = size.sectors, size.stocks, size.global_factors
-    ax = _blank(ax, max(3.2, 1.9 * max(S, G / 2)), 3.0)
+    ax = blank(ax, max(3.2, 1.9 * max(S, G / 2)), 3.0)
     bits = None if state is None else size.state_bits[state]
     width = max(1.9, 0.8 * E + 0.5)
     x_sector = [i * (width + 0.7) for i in range(S)]
@@ -321,25 +303,25 @@ def draw_stock(
             ha="center", va="center", fontsize=10,
         )  # fmt: skip
         target = (x_sector[s] + width / 2, 1.35)
-        _node(ax, target, f"$P_{{{s + 1}}}$", face="white", radius=0.24)
+        node(ax, target, f"$P_{{{s + 1}}}$", face="white", radius=0.24)
         for e in range(E):
             at = (x_sector[s] + (e + 0.5) * width / E, 0.42)
             label = f"$e_{{{e + 1}}}$"
             if bits is not None:
                 label += f"\n{bits[S + s * E + e]}"
-            _node(ax, at, label, face="white", radius=0.27)
+            node(ax, at, label, face="white", radius=0.27)
             if task.influence[s, e]:
-                _arrow(ax, at, target, colour=GREEN, radius=0.27)
+                arrow(ax, at, target, colour=GREEN, radius=0.27)
     for g in range(G):
         at = (centre + 1.15 * (g - (G - 1) / 2), 2.75)
         label = global_names[g] if g < len(global_names) else f"$g_{{{g + 1}}}$"
         if bits is not None:
             label += f"\n{bits[S + S * E + g]}"
-        _node(ax, at, label, face="#fdf3d8", radius=0.33)
+        node(ax, at, label, face="#fdf3d8", radius=0.33)
         style, colour = HELPS if task.rising_helps[g] else HINDERS
         for s in range(S):
             target = (x_sector[s] + width / 2, 1.35)
-            _arrow(ax, at, target, colour=colour, style=style, radius=0.33)
+            arrow(ax, at, target, colour=colour, style=style, radius=0.33)
     ax.legend(
         handles=[
             Line2D([], [], color=GREEN, label="rising helps"),
@@ -380,7 +362,7 @@ def draw_heat(
     -------
     Axes
     """
-    ax = _blank(ax, 3.6, 3.6)
+    ax = blank(ax, 3.6, 3.6)
     size, radius = task.world.size, task.world.radius
     grid = np.linspace(0, size, 101)
     x, y = np.meshgrid(grid, grid)
@@ -388,7 +370,7 @@ def draw_heat(
     ax.contourf(x, y, warmth, levels=np.linspace(0, 1, 11), cmap="OrRd", alpha=0.75, zorder=0)
     ax.add_patch(Rectangle((0, 0), size, size, fill=False, edgecolor=INK, linewidth=3))
     ax.plot(*task.source, marker="*", color=INK, markersize=15, zorder=5)
-    _label(ax, task.source[0], task.source[1] + 0.75, "source", INK)
+    write(ax, task.source[0], task.source[1] + 0.75, "source", INK)
     at_x, at_y, heading = np.asarray(robot, dtype=float)
     if path is not None:
         ax.plot(*np.asarray(path, dtype=float).T, color=BLUE, linewidth=1.4, zorder=2)
@@ -400,80 +382,3 @@ def draw_heat(
     ax.set_xlim(-0.15, size + 0.15)
     ax.set_ylim(-0.15, size + 0.15)
     return ax
-
-
-def draw_chain(
-    task: TabularMDP,
-    places: Sequence[Point],
-    *,
-    labels: Sequence[str] | None = None,
-    title: str = "",
-    ax: Axes | None = None,
-) -> Axes:
-    """A small task as a graph (figures A.1 to A.3): A solid, B dashed.
-
-    A state in which A and B do the same has one grey arrow for both.
-
-    Parameters
-    ----------
-    task
-        Its first two actions are drawn.
-    places
-        Where the states are.
-    labels
-        Names of the states; default 1, 2, ...
-    title
-        Above the graph.
-    ax
-        Where to draw.
-
-    Returns
-    -------
-    Axes
-    """
-    ax = _blank(ax, 3.4, 3.0)
-    names = labels or [str(s + 1) for s in range(task.n_states)]
-    middle = np.mean(places, axis=0)
-    for s, at in enumerate(places):
-        if task.terminal[s]:
-            ax.add_patch(Circle(at, NODE + 0.07, facecolor="white", edgecolor=INK, linewidth=1.0))
-        _node(ax, at, names[s])
-    for s in range(task.n_states):
-        if task.terminal[s]:
-            continue
-        same = bool(
-            np.array_equal(task.transition[s, 0], task.transition[s, 1])
-            and task.reward[s, 0] == task.reward[s, 1]
-        )
-        parallel = not same and np.array_equal(task.transition[s, 0], task.transition[s, 1])
-        for a in range(1 if same else 2):
-            style, colour = BOTH if same else (ACTION_A, ACTION_B)[a]
-            reward = f"{task.reward[s, a]:+g}".replace("-", "\N{MINUS SIGN}")
-            words = [reward] if task.reward[s, a] else []
-            for target, p in enumerate(task.transition[s, a]):
-                label = ", ".join([*words, f"p = {p:g}"] if p < 1 else words)
-                if p > 0 and target == s:
-                    out = np.array(places[s]) - middle
-                    _loop(ax, places[s], (out[0], out[1]), style=style, colour=colour, label=label)
-                elif p > 0:
-                    _arrow(
-                        ax, places[s], places[target], style=style, colour=colour,
-                        bend=-0.6 if parallel and a == 0 else 0.2, label=label,
-                    )  # fmt: skip
-    _fit(ax, places, 0.95)
-    if title:
-        ax.set_title(title)
-    return ax
-
-
-def action_legend(ax: Axes) -> None:
-    """Name the lines of :func:`draw_chain` below the axes."""
-    ax.legend(
-        handles=[
-            Line2D([], [], linestyle=style, color=colour, label=label)
-            for (style, colour), label in ((ACTION_A, "A"), (ACTION_B, "B"), (BOTH, "A or B"))
-        ],
-        loc="upper center",
-        bbox_to_anchor=(0.5, 0.02),
-        ncols=3,
-    )
