@@ -7,12 +7,15 @@ from scipy.stats import ttest_ind
 
 from thesis_lib.chapter5 import study_filter, study_seeds
 from thesis_lib.edition.ledger import Verdict
+from thesis_lib.locomotion.robots import ROBOTS
+from thesis_lib.training.config import TrainConfig
+from thesis_lib.training.grid import variant
 
 
 def predictions(seeds=16, **bounds):
     """Predictions with intervals (low, high)."""
     rows = [
-        study_filter.Prediction(name, (low + high) / 2, low, high, seeds)
+        study_filter.Prediction(name, (low + high) / 2, low, high, seeds, 0)
         for name, (low, high) in bounds.items()
     ]
     return pd.DataFrame(rows)
@@ -87,6 +90,18 @@ def test_the_filter_study_reads_a_store(tmp_path, without, verdict):
     table = study_filter.predictions.run(config=config).table
     assert table.seeds.tolist() == [8] * 4
     assert study_filter.because_it_filters(table).verdict is verdict
+
+
+def test_the_arm_with_fixed_time_constants_is_a_run_of_the_sweep():
+    arm = study_filter.ARMS["CTRNN, fixed"]
+    step = ROBOTS[study_filter.ROBOT].control_dt
+    config = TrainConfig(
+        study_filter.ROBOT,
+        architecture=arm.architecture,
+        time_constant=step,
+        trainable_time_constant=False,
+    )
+    assert variant(config) == arm.variant
 
 
 def test_power_is_the_share_of_experiments_that_find_the_difference():

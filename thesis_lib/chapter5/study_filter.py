@@ -45,7 +45,7 @@ ARMS = {
     "FFWD": Arm("ffwd"),
     "DTRNN, filtered": Arm("dtrnn", intervention="input filter"),
     "FFWD, filtered": Arm("ffwd", intervention="input filter"),
-    "CTRNN, fixed": Arm("ctrnn", variant="time_constant=step"),
+    "CTRNN, fixed": Arm("ctrnn", variant="time_constant=0.01, trainable_time_constant=False"),
 }
 """Filtered: behind a first-order filter with the time constants the CTRNNs learned; fixed: time
 constants held at the simulation step."""
@@ -81,33 +81,38 @@ class Prediction:
     """Upper end."""
     seeds: int
     """Fewest seeds of an arm behind it."""
+    left_out: int
+    """Policies of all arms whose regular test earned nothing, so that no share of it is kept."""
 
 
 @experiment("ch5-filter-kept", item="Study 1", smoke=SMOKE, book=Config(), seconds=2)
 def kept(config: Config, context: Context) -> list[Kept]:
     """Shares of the return kept under noise of one variance and five correlation times."""
-    return _kept(read_runs(config.store))
+    return _kept(read_runs(config.store))[0]
 
 
-def _kept(store: Runs) -> list[Kept]:
+def _kept(store: Runs) -> tuple[list[Kept], int]:
+    """Shares kept, and how many policies earned nothing in their regular test."""
     tests = store.returns()
     tests = tests[(tests.task == ROBOT) & (tests.terrain == "flat")]
-    rows = []
+    rows, left_out = [], 0
     for name, arm in ARMS.items():
         own = tests[(tests.architecture == arm.architecture) & (tests.variant == arm.variant)]
         own = own[own.intervention == arm.intervention]
         base = own[own.condition == "base"].set_index("seed")["return"]
+        left_out += int((base <= 0).sum())
         for r in own[own.condition == "noise"].to_dict("records"):
             if base.get(r["seed"], 0.0) > 0:
                 regular = float(base[r["seed"]])
                 rows.append(Kept(name, r["correlation"], r["seed"], regular, r["return"] / regular))
-    return rows
+    return rows, left_out
 
 
 @experiment("ch5-filter", item="Study 1", smoke=SMOKE, book=Config(), seconds=3)
 def predictions(config: Config, context: Context) -> list[Prediction]:
     """The filter hypothesis's predictions, with intervals over seeds."""
-    table = pd.DataFrame(_kept(read_runs(config.store)), columns=list(Kept.__annotations__))
+    shares, left_out = _kept(read_runs(config.store))
+    table = pd.DataFrame(shares, columns=list(Kept.__annotations__))
     rng = np.random.default_rng(context.seeds(1)[0])
     by_arm = {
         key: group.retained.to_numpy() for key, group in table.groupby(["arm", "correlation"])
@@ -125,7 +130,7 @@ def predictions(config: Config, context: Context) -> list[Prediction]:
     values, resampled = _predicted(mean), _predicted(draws)
     for name, value in values.items():
         low, high = np.quantile(resampled[name], [0.025, 0.975])
-        rows.append(Prediction(name, float(value), float(low), float(high), seeds))
+        rows.append(Prediction(name, float(value), float(low), float(high), seeds, left_out))
     return rows
 
 
@@ -150,7 +155,11 @@ def because_it_filters(table: pd.DataFrame) -> Finding:
     told = "; ".join(
         f"{r.Index} {r.value:+.3f} [{r.low:.3f}, {r.high:.3f}]" for r in by.itertuples()
     )
-    evidence = f"By how much each holds ({by.seeds.min()} seeds an arm, share of return): {told}."
+    left = by.left_out.max()
+    evidence = (
+        f"By how much each holds ({by.seeds.min()} seeds an arm, share of return): {told}."
+        + (f" Left out: {left} policies that earned nothing without noise." if left else "")
+    )
     if by.seeds.min() < ENOUGH_SEEDS:
         return Finding(Verdict.INCONCLUSIVE, evidence)
     rest = by.drop(index="lead")
