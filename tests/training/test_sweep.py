@@ -550,3 +550,18 @@ def test_a_worker_and_the_scheduler_are_killed_and_nothing_is_lost(
 def test_no_scheduler_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"no Dask scheduler at 'nonsense://': start one with"):
         sweep([SMALL], tmp_path, scheduler="nonsense://")
+
+
+def test_a_script_without_a_guard_says_what_it_lacks(tmp_path: Path) -> None:
+    """Each worker imports the script that starts it, which would start workers again."""
+    script = tmp_path / "mine.py"
+    script.write_text(
+        "from thesis_lib.training.config import TrainConfig\n"
+        "from thesis_lib.training.sweep import sweep\n"
+        f"sweep([TrainConfig(iterations=1, batch_steps=500)], {str(tmp_path / 'runs')!r},"
+        " workers=1)\n"
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1
+    assert "ValueError: the processes that train could not be started" in done.stderr
+    assert 'under `if __name__ == "__main__":`' in done.stderr.splitlines()[-1]

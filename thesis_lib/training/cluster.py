@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import logging
 import math
+import multiprocessing
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -26,6 +28,11 @@ SETTINGS: dict[str, Any] = {
     "distributed.worker.preload": ["import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)"],
 }
 """Dask's settings; a scheduler that is started apart keeps its own."""
+
+GUARD = (
+    "the processes that train could not be started: a script that is run must have what it does "
+    'under `if __name__ == "__main__":`, for each of them imports it.'
+)
 
 
 @contextmanager
@@ -90,13 +97,20 @@ def _quiet() -> Iterator[None]:
 
 def _local_cluster(workers: int) -> LocalCluster:
     """Processes of this machine, each on one thread; they end with this process."""
-    return LocalCluster(
-        n_workers=workers,
-        threads_per_worker=1,
-        memory_limit=0,
-        dashboard_address="127.0.0.1:0",
-        silence_logs=logging.CRITICAL,
-    )
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        raise SystemExit(GUARD)  # a worker imports the script that starts it
+    try:
+        return LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            memory_limit=0,
+            dashboard_address="127.0.0.1:0",
+            silence_logs=logging.CRITICAL,
+        )
+    except RuntimeError as error:
+        if "failed to start" in str(error) and hasattr(sys.modules["__main__"], "__file__"):
+            raise ValueError(GUARD) from error
+        raise
 
 
 def slurm_cluster(jobs: int, gigabytes: float) -> Any:
