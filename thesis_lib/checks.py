@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 import math
 import textwrap
+import types
 import typing
 from collections.abc import Iterable, Mapping
 from numbers import Integral, Real
-from typing import Any
+from typing import Any, Literal, TypeVar
 
 import numpy as np
+
+ConfigT = TypeVar("ConfigT")
 
 _KINDS: Mapping[type, tuple[Any, str]] = {
     bool: (bool, "True or False"),
@@ -42,40 +47,66 @@ def plain_settings(config: Any) -> None:
     Parameters
     ----------
     config
-        Its fields are annotated with bool, int, float or str, with tuples of those, and with
-        None as an alternative; fields of other types are left as they are.
+        Its fields are annotated with bool, int, float, str, a Literal or another such dataclass,
+        with tuples of those, and with alternatives; fields of other types are left as they are.
 
     Raises
     ------
     ValueError
         Naming the field, its value and what it must be.
     """
-    for name, hint in typing.get_type_hints(type(config)).items():
-        value = _plain(name, getattr(config, name), hint)
-        object.__setattr__(config, name, value)
+    hints = typing.get_type_hints(type(config))
+    for field in dataclasses.fields(config):
+        value = _plain(field.name, getattr(config, field.name), hints[field.name])
+        object.__setattr__(config, field.name, value)
+
+
+def plain(config: ConfigT) -> ConfigT:
+    """A copy of a dataclass with :func:`plain_settings`; ValueError as there."""
+    copied = copy.copy(config)
+    plain_settings(copied)
+    return copied
 
 
 def _plain(name: str, value: Any, hint: Any) -> Any:
-    options = [hint] if hint in _KINDS else list(typing.get_args(hint)) or [hint]
-    if typing.get_origin(hint) is tuple:
-        options = [hint]
-    if value is None and type(None) in options:
-        return None
-    kind = options[0]
+    options = [hint]
+    if typing.get_origin(hint) in (typing.Union, types.UnionType):
+        options = [option for option in typing.get_args(hint) if option is not type(None)]
+        if value is None and len(options) < len(typing.get_args(hint)):
+            return None
+    errors = []
+    for option in options:
+        try:
+            return _plain_as(option, name, value)
+        except ValueError as error:
+            errors.append(error)
+    raise errors[0]
+
+
+def _plain_as(kind: Any, name: str, value: Any) -> Any:
     if typing.get_origin(kind) is tuple:
         return _plain_tuple(name, value, typing.get_args(kind))
-    if kind not in _KINDS:
-        return value
+    if dataclasses.is_dataclass(kind) and isinstance(value, kind):
+        return plain(value)
     if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
         value = value.item()
-    accepted, words = _KINDS[kind]
-    if not isinstance(value, accepted) or (isinstance(value, Real) and not math.isfinite(value)):
-        raise ValueError(f"{name} is {shown(value)}, but it must be {words}.")
-    return kind(value)
+    if typing.get_origin(kind) is Literal:
+        allowed = typing.get_args(kind)
+        if not any(type(value) is type(one) and value == one for one in allowed):
+            words = ", ".join(map(str, allowed))
+            raise ValueError(f"{name} is {shown(value)}, but it must be one of {words}.")
+    elif kind in _KINDS:
+        accepted, words = _KINDS[kind]
+        right = isinstance(value, accepted) and isinstance(value, bool) == (kind is bool)
+        if not right or (isinstance(value, Real) and not math.isfinite(value)):
+            raise ValueError(f"{name} is {shown(value)}, but it must be {words}.")
+        return kind(value)
+    return value
 
 
 def _plain_tuple(name: str, values: Any, kinds: tuple[Any, ...]) -> tuple[Any, ...]:
-    if isinstance(values, str | Mapping) or not isinstance(values, Iterable):
+    scalar = isinstance(values, str | Mapping) or not isinstance(values, Iterable)
+    if scalar or (isinstance(values, np.ndarray) and values.ndim == 0):
         raise ValueError(f"{name} is {shown(values)}, but it must be several values: a tuple.")
     found = tuple(values)
     if kinds[-1] is ...:

@@ -1,14 +1,18 @@
 """Experiments, their budgets, provenance and files."""
 
+import dataclasses
 import json
 import os
 from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from thesis_lib.checks import plain
 from thesis_lib.edition import experiment as base
+from thesis_lib.edition.chapters import experiments
 
 
 @dataclass(frozen=True)
@@ -193,3 +197,75 @@ def test_text_that_looks_missing_stays_text(tmp_path):
     assert read.name.isna().tolist() == [False] * 4 + [True]
     assert read.x.tolist()[:4] == [0.1, 1e-300, 2, 3]
     assert np.isnan(read.x[4])
+
+
+def in_numpy(value: Any) -> Any:
+    """The same settings as a user of NumPy may write them."""
+    if dataclasses.is_dataclass(value):
+        names = [f.name for f in dataclasses.fields(value)]
+        return dataclasses.replace(value, **{n: in_numpy(getattr(value, n)) for n in names})
+    if isinstance(value, tuple):
+        return np.array(value)
+    return value if value is None else np.array(value)[()]
+
+
+def test_settings_in_numpy_are_the_same_settings():
+    for entry in experiments().values():
+        for config in entry.budgets.values():
+            assert plain(in_numpy(config)) == config, entry.id
+            written = [json.dumps(dataclasses.asdict(c)) for c in (plain(in_numpy(config)), config)]
+            assert written[0] == written[1], entry.id
+
+
+@dataclass(frozen=True)
+class Rich:
+    n: int = 2
+    inner: Config = Config()
+    levels: tuple[float, ...] = (0.5, 1.0)
+    way: Literal["up", "down"] = "up"
+    most: float | Literal["all"] = "all"
+    flag: bool = False
+
+
+RICH = dataclasses.replace(
+    EXPERIMENT,
+    function=lambda config, context: noise(Config(config.n), context),
+    budgets={name: Rich() for name in ("smoke", "book", "thesis")},
+)
+
+
+def test_a_run_of_settings_in_numpy_is_that_of_its_budget(tmp_path):
+    given = in_numpy(Rich())
+    result = RICH.run("smoke", config=given, seed=np.int64(3), workers=np.int64(2))
+    assert isinstance(given.levels, np.ndarray)  # the user's own is left alone
+    assert result.provenance["budget"] == "smoke"
+    result.save(tmp_path)
+    _, record = base.load("toy", tmp_path)
+    assert record["config"] == json.loads(json.dumps(dataclasses.asdict(Rich())))
+    assert (record["seed"], record["workers"]) == (3, 2)
+    other = RICH.run("smoke", config=Rich(levels=np.linspace(0, 1, 3), most=np.float32(0.5)))
+    assert other.provenance["budget"] == "custom"
+    assert other.provenance["config"]["levels"] == (0.0, 0.5, 1.0)
+    assert other.provenance["config"]["most"] == 0.5
+
+
+@pytest.mark.parametrize(
+    ("config", "message"),
+    [
+        (Rich(n=np.float64(2.5)), r"n is 2.5, but it must be a whole number"),
+        (Rich(n=True), "n is True, but it must be a whole number"),
+        (Rich(flag=1), "flag is 1, but it must be True or False"),
+        (Rich(inner=Config("3")), "n is '3', but it must be a whole number"),
+        (Rich(levels=0.5), "levels is 0.5, but it must be several values"),
+        (Rich(levels=np.array(0.5)), "levels is array.*, but it must be several values"),
+        (Rich(levels=np.array([0.5, np.nan])), "levels is nan, but it must be a finite number"),
+        (Rich(way=np.array(["up", "down"])), "way is array.* one of up, down"),
+        (Rich(most="some"), "most is 'some', but it must be a finite number"),
+        (Config(2), "config is Config.*, but toy takes a Rich of tests"),
+        ({"n": 2}, "config is {'n': 2}, but toy takes a Rich of tests"),
+    ],
+)
+def test_settings_that_are_not_what_they_should_be(config, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        RICH.run("smoke", config=config)
+    assert "\n" not in str(caught.value)

@@ -491,7 +491,17 @@ def test_perturbations_combine():
         (lambda: ActionDelay(0), "steps is 0"),
         (lambda: MassChange(0.0), "factor is 0.0"),
         (lambda: FrictionChange(-0.1), "factor is -0.1"),
-        (lambda: Push((1.0, 0.0)), "three finite numbers"),
+        (lambda: Push((1.0, 0.0)), "velocity has 2 entries"),
+        (lambda: Push((1.0, 0.0, np.inf)), "velocity is inf, but it must be a finite number"),
+        (lambda: Push(1.0), "velocity is 1.0, but it must be several values"),
+        (lambda: WhiteNoise(np.ones((2, 2))), "sigma is array"),
+        (lambda: WhiteNoise((0.1, -0.1)), "sigma is .0.1, -0.1."),
+        (lambda: SensorSubset("zx"), "keep is 'zx', but it must be several values"),
+        (lambda: ActionDelay(1.5), "steps is 1.5"),
+        (
+            lambda: TerrainSwitch(preset="ours"),
+            "preset is 'ours', but it must be one of author, text",
+        ),
         (lambda: Push((1.0, 0.0, 0.0), steps=0), "steps is 0"),
         (lambda: Push((1.0, 0.0, 0.0), steps=5, every=4), "every is 4"),
         (lambda: batch("Hopper", 1, WhiteNoise((1.0, 2.0))), "2 entries for 20 sensors"),
@@ -512,3 +522,26 @@ def test_bad_input_is_refused_before_any_simulation(make, message):
     with pytest.raises(ValueError, match=message) as caught:
         make()
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [
+        (WhiteNoise(np.float64(0.5), np.int64(3)), WhiteNoise(0.5, 3)),
+        (WhiteNoise(np.array([0.5, 1.0])), WhiteNoise((0.5, 1.0))),
+        (CorrelatedNoise(1, correlation_time=np.int64(5)), CorrelatedNoise(1.0, 100, 5.0)),
+        (SensorSubset(np.arange(3)), SensorSubset((0, 1, 2))),
+        (SensorFailure(["z", np.int64(1)], np.float32(0.5)), SensorFailure(("z", 1), 0.5)),
+        (TerrainSwitch(np.float64(0.5), np.float64(2)), TerrainSwitch(0.5, 2.0)),
+        (TerrainSwitch(extent=np.ones((2, 2))), TerrainSwitch(extent=((1.0, 1.0), (1.0, 1.0)))),
+        (ActuatorFailure(np.array([1])), ActuatorFailure((1,))),
+        (ActionDelay(np.int64(2)), ActionDelay(2)),
+        (MassChange(np.float64(2), np.array(["torso"])), MassChange(2.0, ("torso",))),
+        (FrictionChange(np.float64(0.5)), FrictionChange(0.5)),
+        (Push(np.array([0, 1, 0]), every=np.int64(9)), Push((0.0, 1.0, 0.0), every=9)),
+    ],
+)
+def test_numpy_numbers_make_the_same_perturbation(given, meant):
+    assert given == meant
+    assert hash(given) == hash(meant)
+    assert repr(given) == repr(meant)  # which records of tests hold

@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike
 from tqdm import tqdm
 
 from thesis_lib.checkout import environment, repository_root
-from thesis_lib.checks import check_seed
+from thesis_lib.checks import check_seed, plain, plain_settings, shown
 from thesis_lib.edition.budgets import BUDGETS, check_budget
 from thesis_lib.files import replacing, writable_directory
 from thesis_lib.stats import mean_ci
@@ -66,6 +66,7 @@ class Context:
 
     def __post_init__(self) -> None:
         check_seed(self.seed)
+        plain_settings(self)
         object.__setattr__(self, "drawn", False)
         if self.workers < 1:
             raise ValueError(f"workers is {self.workers}, but at least 1 worker is needed.")
@@ -195,7 +196,13 @@ class Experiment(Generic[ConfigT]):
         Result
             The table with its provenance.
         """
-        chosen = self.config(budget) if config is None else config
+        default = self.config(budget)
+        if config is not None and not isinstance(config, type(default)):
+            raise ValueError(
+                f"config is {shown(config)}, but {self.id} takes a {type(default).__name__} of "
+                f"{type(default).__module__}."
+            )
+        chosen = plain(default if config is None else config)
         context = Context(seed=seed, workers=workers)
         made_with = environment()  # a later commit is not what ran
         started, cpu = time.time(), time.process_time()
@@ -211,11 +218,11 @@ class Experiment(Generic[ConfigT]):
             "id": self.id,
             "item": self.item,
             "title": self.title,
-            "budget": budget if config is None or config == self.config(budget) else "custom",
+            "budget": budget if chosen == default else "custom",
             "config": dataclasses.asdict(chosen),  # type: ignore[call-overload]
-            "seed": seed,
+            "seed": context.seed,
             "drawn": context.drawn,
-            "workers": workers,
+            "workers": context.workers,
             "wall_seconds": round(time.perf_counter() - clock, 3),
             "cpu_seconds": round(time.process_time() - cpu, 3),
             "started": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(started)),

@@ -19,6 +19,7 @@ import mujoco
 import numpy as np
 
 from thesis_lib.arrays import FloatArray, IntArray
+from thesis_lib.checks import plain_settings
 from thesis_lib.locomotion.batch import Context, Effect, Perturbation
 from thesis_lib.locomotion.robots import ROOT_BODY, Ground, total_mass
 from thesis_lib.locomotion.terrain import Extent, hill_maps
@@ -62,15 +63,12 @@ author's code holds under older names; it leaves out all velocities and the cent
 choose today; the hopper's keeps the velocities."""
 
 
-def _check_onset(onset: int) -> None:
-    if not isinstance(onset, int | np.integer) or isinstance(onset, bool) or onset < 0:
-        raise ValueError(f"onset is {onset!r}, but it must be a whole number of steps, 0 or more.")
-
-
-def _check_factor(factor: float, least: float, what: str) -> None:
-    if not (np.isfinite(factor) and factor >= least):
+def _settle(perturbation: Perturbation) -> None:
+    """Make its settings plain and check its onset."""
+    plain_settings(perturbation)
+    if perturbation.onset < 0:
         raise ValueError(
-            f"factor is {factor}, but {what} needs a finite number, {least:g} or more."
+            f"onset is {perturbation.onset}, but it must be a whole number of steps, 0 or more."
         )
 
 
@@ -113,9 +111,8 @@ class WhiteNoise(Perturbation):
     onset: int = NOISE_ONSET
 
     def __post_init__(self) -> None:
-        _check_onset(self.onset)
-        sigma = np.asarray(self.sigma, np.float64)
-        if sigma.ndim > 1 or not np.isfinite(sigma).all() or (sigma < 0).any():
+        _settle(self)
+        if np.min(self.sigma, initial=0) < 0:
             raise ValueError(
                 f"sigma is {self.sigma}, but it must be one finite number, 0 or more, or one for "
                 "each sensor."
@@ -153,7 +150,7 @@ class CorrelatedNoise(WhiteNoise):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not (np.isfinite(self.correlation_time) and self.correlation_time >= 0):
+        if self.correlation_time < 0:
             raise ValueError(
                 f"correlation_time is {self.correlation_time}, but it must be a finite number of "
                 "steps, 0 or more."
@@ -203,6 +200,7 @@ class SensorSubset(Perturbation):
     keep: tuple[str | int, ...]
 
     def __post_init__(self) -> None:
+        _settle(self)
         if len(set(self.keep)) != len(self.keep):
             raise ValueError(f"keep is {self.keep}, but a sensor can be kept only once.")
 
@@ -244,9 +242,7 @@ class SensorFailure(Perturbation):
     onset: int = NOISE_ONSET
 
     def __post_init__(self) -> None:
-        _check_onset(self.onset)
-        if not np.isfinite(self.reading):
-            raise ValueError(f"reading is {self.reading}, but a sensor must read a finite number.")
+        _settle(self)
 
     def attach(self, context: Context) -> Effect:
         """Start the failure; ValueError for an unknown sensor."""
@@ -318,6 +314,9 @@ class TerrainSwitch(Perturbation):
     extent: Extent | None = None
     colour_map: bool = False
 
+    def __post_init__(self) -> None:
+        _settle(self)
+
     def ground(self, robot: str, n_worlds: int, seed: np.random.SeedSequence) -> tuple[Ground, ...]:
         """One map for each world; the batch's own seed is not used."""
         options = dataclasses.asdict(self)
@@ -347,7 +346,7 @@ class ActuatorFailure(Perturbation):
     onset: int = NOISE_ONSET
 
     def __post_init__(self) -> None:
-        _check_onset(self.onset)
+        _settle(self)
         if not 0 <= self.factor <= 1:
             raise ValueError(f"factor is {self.factor}, but a failing motor keeps 0 to 1.")
 
@@ -386,9 +385,9 @@ class ActionDelay(Perturbation):
     onset: int = NOISE_ONSET
 
     def __post_init__(self) -> None:
-        _check_onset(self.onset)
-        if not isinstance(self.steps, int | np.integer) or self.steps < 1:
-            raise ValueError(f"steps is {self.steps!r}, but a delay lasts 1 step or more.")
+        _settle(self)
+        if self.steps < 1:
+            raise ValueError(f"steps is {self.steps}, but a delay lasts 1 step or more.")
 
     def attach(self, context: Context) -> Effect:
         """Start the delay."""
@@ -437,8 +436,8 @@ class MassChange(Perturbation):
     edits_model = True
 
     def __post_init__(self) -> None:
-        _check_onset(self.onset)
-        if not (np.isfinite(self.factor) and self.factor > 0):
+        _settle(self)
+        if self.factor <= 0:
             raise ValueError(f"factor is {self.factor}, but a mass must stay above 0.")
 
     def edit_model(self, spec: mujoco.MjSpec) -> None:
@@ -470,8 +469,11 @@ class FrictionChange(Perturbation):
     edits_model = True
 
     def __post_init__(self) -> None:
-        _check_onset(self.onset)
-        _check_factor(self.factor, 0.0, "a change of friction")
+        _settle(self)
+        if self.factor < 0:
+            raise ValueError(
+                f"factor is {self.factor}, but a change of friction needs a number of 0 or more."
+            )
 
     def edit_model(self, spec: mujoco.MjSpec) -> None:
         """Scale the sliding friction of all geoms; ValueError if no contact has any."""
@@ -510,11 +512,7 @@ class Push(Perturbation):
     every: int | None = None
 
     def __post_init__(self) -> None:
-        _check_onset(self.onset)
-        if np.shape(self.velocity) != (3,) or not np.isfinite(self.velocity).all():
-            raise ValueError(
-                f"velocity is {self.velocity}, but it must be three finite numbers in m/s."
-            )
+        _settle(self)
         if self.steps < 1:
             raise ValueError(f"steps is {self.steps}, but a push lasts 1 step or more.")
         if self.every is not None and self.every < self.steps:
