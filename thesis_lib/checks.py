@@ -10,6 +10,7 @@ import types
 import typing
 from collections.abc import Iterable, Mapping
 from numbers import Integral, Real
+from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -121,3 +122,14 @@ def _plain_tuple(name: str, values: Any, kinds: tuple[Any, ...]) -> tuple[Any, .
 def shown(value: object) -> str:
     """A value for a sentence: on one line, and shortened where it is long."""
     return textwrap.shorten(repr(value), 100, placeholder=" ...") or repr(value)[:100]
+
+
+def as_json(value: object) -> object:
+    """What ``json.dumps`` is to write for what it does not know (its ``default``)."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if isinstance(value, set | frozenset):
+        return sorted(value)
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"{type(value).__name__} cannot be written as JSON")

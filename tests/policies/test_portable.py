@@ -51,6 +51,15 @@ def test_an_archive_is_the_policy(name):
         assert torch.equal(a, b)
 
 
+def test_a_policy_made_with_numpy_numbers_is_the_same():
+    made = [
+        make_policy("esn", n(5), n(2), dt=x(0.1), seed=n(3), units=n(9), features=f, leak=x(0.3))
+        for n, x, f in ((int, float, [0, 4]), (np.int64, np.float64, np.array([0, 4])))
+    ]
+    assert card(made[1]) == card(made[0])
+    assert card(loads(dumps(made[1]))) == card(made[0])
+
+
 def test_numpy_and_an_unpacker_are_enough_to_read_it():
     policy = odd("ffwd", torch.float64)
     archive = np.load(io.BytesIO(dumps(policy)), allow_pickle=False)

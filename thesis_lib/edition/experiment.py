@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike
 from tqdm import tqdm
 
 from thesis_lib.checkout import environment, repository_root
-from thesis_lib.checks import check_seed, plain, plain_settings, shown
+from thesis_lib.checks import as_json, check_seed, plain, plain_settings, shown
 from thesis_lib.edition.budgets import BUDGETS, check_budget
 from thesis_lib.files import replacing, writable_directory
 from thesis_lib.stats import mean_ci
@@ -380,7 +380,7 @@ class Result:
                 self.table.to_csv(temporary, index=False)
         with replacing(folder / f"{self.experiment.id}.json") as temporary:
             record = {**self.provenance, "table": path.name}
-            text = json.dumps(record, indent=1, default=_plain) + "\n"
+            text = json.dumps(record, indent=1, default=as_json) + "\n"
             temporary.write_text(text, encoding="utf-8")
         stale.unlink(missing_ok=True)
         return path
@@ -426,16 +426,6 @@ def results_directory(budget: str = "book") -> Path:
     """
     override = os.environ.get("THESIS_RESULTS")
     return Path(override) if override else repository_root() / "_build" / "results" / budget
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, (set, frozenset)):
-        return sorted(value)
-    if isinstance(value, Path):
-        return str(value)
-    raise TypeError(f"{type(value).__name__} cannot be written as JSON")
 
 
 def rows(records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:

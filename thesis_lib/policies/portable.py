@@ -25,6 +25,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from thesis_lib.checks import as_json
 from thesis_lib.policies.base import GaussianPolicy
 from thesis_lib.policies.factory import make_policy
 
@@ -70,7 +71,7 @@ def card(policy: GaussianPolicy) -> dict[str, Any]:
             "log_std": policy.deviation().tolist(),
         }
     try:
-        return dict(json.loads(json.dumps(made)))
+        return dict(json.loads(json.dumps(made, default=as_json)))
     except TypeError as error:
         raise ValueError(
             f"the options of this policy can't be written as JSON ({error}); make it with "
