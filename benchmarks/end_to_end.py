@@ -23,10 +23,10 @@ import numpy as np
 
 from thesis_lib.locomotion import BatchTask
 from thesis_lib.locomotion.robots import ROBOTS
+from thesis_lib.surroundings import own_settings
 from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.parts import make_batch_task
 from thesis_lib.training.run import Training
-from thesis_lib.training.train import use_one_thread
 
 TARGET_RATIO = 1 / 1.5
 TARGET_MEMORY = 3.0
@@ -93,7 +93,6 @@ def main() -> None:
     parser.add_argument("--iterations", type=int, default=5)
     parser.add_argument("--memory", action=argparse.BooleanOptionalAction, default=True)
     arguments = parser.parse_args()
-    use_one_thread()
     rows = [memory()] if arguments.memory else []  # first, while nothing else has peaked
     for task in arguments.tasks:
         config = TrainConfig(
@@ -110,4 +109,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    with own_settings():
+        main()

@@ -24,8 +24,8 @@ BARE = """
 import sys
 from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.run import Training
-from thesis_lib.training.train import use_one_thread
-use_one_thread()
+import torch
+torch.set_num_threads(1)
 task, net, batch, iterations, seed = sys.argv[1:]
 run = Training(TrainConfig(task=task, architecture=net, batch_steps=int(batch), seed=int(seed)))
 for _ in range(int(iterations)):

@@ -22,15 +22,9 @@ from thesis_lib.locomotion.rendering import NoGL, choose_backend
 from thesis_lib.training.checkpoint import FILES, read_checkpoint
 from thesis_lib.training.evaluation import EvaluateConfig, evaluate
 from thesis_lib.training.run import TIMING_COLUMNS, Training
-from thesis_lib.training.train import use_one_thread
 from thesis_lib.training.trained import Trained, read_trained
 
 SMALL = ["--task", "half-cheetah", "--batch-steps", "100", "--horizon", "50"]
-
-
-@pytest.fixture(autouse=True)
-def _one_thread() -> None:
-    use_one_thread()
 
 
 @pytest.fixture(scope="module")

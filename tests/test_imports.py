@@ -20,6 +20,7 @@ LAYERS = (
         "imports",
         "registration",
         "stats",
+        "surroundings",
         "mdp",
         "domains",
         "locomotion",

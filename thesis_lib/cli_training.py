@@ -28,7 +28,7 @@ from thesis_lib.training.plan import CORES, cost, makespan, memory, plan
 from thesis_lib.training.store import Store
 from thesis_lib.training.suite import SuiteConfig, best, check_rule, evaluate_all
 from thesis_lib.training.suite import write as write_tests
-from thesis_lib.training.train import TerminalReport, default_directory, train, use_one_thread
+from thesis_lib.training.train import TerminalReport, default_directory, train
 from thesis_lib.training.trained import TrainedPolicies, read_trained
 
 
@@ -60,7 +60,6 @@ class Train:
         config = checked(TrainConfig, self.settings)
         _refuse(idle_settings(config))
         folder = writable_directory(self.out or default_directory(config))
-        use_one_thread()
         report = TerminalReport(config.iterations)
         started = time.perf_counter()
         try:
@@ -134,7 +133,6 @@ class Evaluate:
         if self.film is not None:
             check_film(self.film, config, self.film_run)
             check_gl()
-        use_one_thread()
         table = evaluate(trained, config)
         print(
             f"{trained.config.architecture} on {trained.config.task}, trained on "

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+
 
 def writable_directory(directory: Path | str) -> Path:
     """Make a directory if it is missing and check that it can be written to.
@@ -37,7 +39,9 @@ def replacing(path: Path) -> Iterator[Path]:
     os.close(handle)
     temporary = Path(name)
     try:
-        yield temporary
+        # Pandas writes numbers as NumPy prints them, which a user may have set otherwise.
+        with np.printoptions(legacy=False):
+            yield temporary
         # mkstemp makes private files; a result is as readable as any other new file.
         mask = os.umask(0)
         os.umask(mask)

@@ -18,7 +18,7 @@ from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.curves import write
 from thesis_lib.training.grid import Grid, run_name
 from thesis_lib.training.run import Training
-from thesis_lib.training.train import train, use_one_thread
+from thesis_lib.training.train import train
 
 BASE = TrainConfig(batch_steps=100, horizon=20, iterations=2)
 
@@ -26,7 +26,6 @@ BASE = TrainConfig(batch_steps=100, horizon=20, iterations=2)
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[TrainConfig]]:
     """A CTRNN with two initial time constants, and a DTRNN."""
-    use_one_thread()
     folder = tmp_path_factory.mktemp("runs")
     grid = Grid(("swimmer",), architectures=("ctrnn", "dtrnn"), variants=("time_constant=0.3",))
     configs = grid.runs(BASE)

@@ -17,7 +17,7 @@ from thesis_lib.training.curves import LAST, write
 from thesis_lib.training.evaluation import EvaluateConfig, acting, evaluate
 from thesis_lib.training.grid import Grid, run_name
 from thesis_lib.training.suite import BEST_COLUMNS, COLUMNS, SuiteConfig, best, evaluate_all
-from thesis_lib.training.train import train, use_one_thread
+from thesis_lib.training.train import train
 from thesis_lib.training.trained import read_trained
 
 SMALL = TrainConfig(batch_steps=60, horizon=20, iterations=2)
@@ -35,7 +35,6 @@ def client() -> Iterator[Client]:
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    use_one_thread()
     folder = tmp_path_factory.mktemp("store")
     for config in CONFIGS:
         train(config, folder / "runs" / run_name(config))

@@ -41,15 +41,10 @@ from thesis_lib.training.grid import GRID_COLUMNS, Grid, key, parse_variant, run
 from thesis_lib.training.plan import STEP_COST, cost, makespan, memory, plan
 from thesis_lib.training.store import Store
 from thesis_lib.training.sweep import Outcome, in_order, sweep
-from thesis_lib.training.train import train, use_one_thread
+from thesis_lib.training.train import train
 
 SMALL = TrainConfig(batch_steps=100, horizon=20, iterations=3, checkpoint_every=1)
 TIMES = ["sampling_seconds", "update_seconds", "wall_seconds"]
-
-
-@pytest.fixture(autouse=True)
-def _one_thread() -> None:
-    use_one_thread()
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from thesis_lib.training.curves import write
 from thesis_lib.training.evaluation import EvaluateConfig, evaluate
 from thesis_lib.training.grid import Grid, run_name
 from thesis_lib.training.run import Training
-from thesis_lib.training.train import train, use_one_thread
+from thesis_lib.training.train import train
 from thesis_lib.training.trained import TrainedPolicies
 
 BASE = TrainConfig(batch_steps=100, horizon=20, iterations=2)
@@ -25,7 +25,6 @@ NETS = ("ctrnn", "esn", "lstm")
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three runs, one of them with units of its own, and what a sweep writes of them."""
-    use_one_thread()
     folder = tmp_path_factory.mktemp("swept")
     configs = Grid(("swimmer",), architectures=NETS, variants=("units=7",)).runs(BASE)
     for config in configs[1:]:  # the first has not begun

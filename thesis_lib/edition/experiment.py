@@ -32,6 +32,7 @@ from thesis_lib.checks import as_json, check_seed, plain, plain_settings, shown
 from thesis_lib.edition.budgets import BUDGETS, check_budget
 from thesis_lib.files import replacing, writable_directory
 from thesis_lib.stats import mean_ci
+from thesis_lib.surroundings import own_settings
 
 ROWS_IN_CSV = 20_000
 """A table with more rows is written as parquet."""
@@ -207,7 +208,8 @@ class Experiment(Generic[ConfigT]):
         made_with = environment()  # a later commit is not what ran
         started, cpu = time.time(), time.process_time()
         clock = time.perf_counter()
-        table = self.function(chosen, context)
+        with own_settings():
+            table = self.function(chosen, context)
         unknown = set(table.columns) ^ set(self.columns)
         if unknown:
             raise RuntimeError(

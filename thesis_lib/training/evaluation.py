@@ -26,6 +26,7 @@ from thesis_lib.locomotion.terrain import hill_maps
 from thesis_lib.optimisation import run_episodes
 from thesis_lib.policies import GaussianPolicy
 from thesis_lib.stats import mean_ci
+from thesis_lib.surroundings import own_settings
 from thesis_lib.training.config import TERRAINS
 from thesis_lib.training.disturbances import Disturbances, parse_perturbation
 from thesis_lib.training.run import Training
@@ -223,8 +224,9 @@ def task_for(
 
 def tested(task: BatchTask, policy: GaussianPolicy, config: EvaluateConfig) -> pd.DataFrame:
     """One run in every world; columns as in :data:`RUN_COLUMNS`."""
-    actor = acting(policy, config, task.task.robot.control_dt)
-    rollouts = run_episodes(task, actor, exploration(config))
+    with own_settings():
+        actor = acting(policy, config, task.task.robot.control_dt)
+        rollouts = run_episodes(task, actor, exploration(config))
     return pd.DataFrame(
         {
             "run": np.arange(config.runs),

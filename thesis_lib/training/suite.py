@@ -23,7 +23,6 @@ from thesis_lib.training.disturbances import Disturbances
 from thesis_lib.training.evaluation import RUN_COLUMNS, EvaluateConfig, evaluation_task, tested
 from thesis_lib.training.grid import GRID_COLUMNS, key
 from thesis_lib.training.store import Store
-from thesis_lib.training.train import use_one_thread
 from thesis_lib.training.trained import Trained, TrainedPolicies, read_trained
 
 if TYPE_CHECKING:
@@ -218,7 +217,6 @@ def evaluate_all(
 
 def _test(place: str, name: str, config: SuiteConfig) -> pd.DataFrame:
     """All tests of one policy."""
-    use_one_thread()
     trained = _read(place, name)
     iteration = trained.iteration
     if config.policy == "best":

@@ -27,7 +27,7 @@ from thesis_lib.training.grid import first_repeated, run_name
 from thesis_lib.training.plan import cost, memory
 from thesis_lib.training.run import Training, TrainingStopped
 from thesis_lib.training.store import Store
-from thesis_lib.training.train import train, use_one_thread
+from thesis_lib.training.train import train
 
 PATIENCE = 600.0
 """Seconds a run waits for a process that is still in its directory, such as one that has not yet
@@ -177,7 +177,6 @@ def _error(future: Future) -> str | None:
 
 def _work(config: TrainConfig, place: str, any_version: bool) -> str | None:
     """Train one run in a worker; what stopped it, None when it finished."""
-    use_one_thread()
     worker, key, name = get_worker(), thread_state.key, run_name(config)
     told = 0.0
 

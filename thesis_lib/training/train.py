@@ -10,11 +10,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import torch
-from threadpoolctl import threadpool_limits
-
 from thesis_lib.checkout import repository_root
 from thesis_lib.files import writable_directory
+from thesis_lib.surroundings import own_settings
 from thesis_lib.training.checkpoint import FILES, read_checkpoint
 from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.run import Training, TrainingStopped
@@ -68,9 +66,10 @@ def train(
         When the directory holds another run.
     """
     if directory is None:
-        return _train(config, None, resume, any_version, report)
+        with own_settings():
+            return _train(config, None, resume, any_version, report)
     folder = writable_directory(directory)
-    with _alone(folder, patience):
+    with _alone(folder, patience), own_settings():
         return _train(config, folder, resume, any_version, report)
 
 
@@ -144,16 +143,6 @@ def _train(
             f"{error} The last good checkpoint, of iteration {good}, is in {str(folder)!r}."
         ) from error
     return run
-
-
-def use_one_thread() -> None:
-    """Put this process's linear algebra on one thread.
-
-    The nets are small, so that more threads make them slower; and a sum's last digits
-    depend on the number of threads, so that runs repeat exactly only on equal numbers.
-    """
-    torch.set_num_threads(1)
-    threadpool_limits(1)
 
 
 class TerminalReport:
