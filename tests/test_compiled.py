@@ -69,6 +69,19 @@ def test_the_second_process_compiles_nothing(copy: Path) -> None:
     assert result(copy, CALL + hits).split() == ["1", "1"]
 
 
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+@pytest.mark.parametrize("keep", [0, 40])
+def test_a_damaged_cache_is_made_anew(copy: Path, kind: str, keep: int) -> None:
+    """What a power cut leaves: numba alone stops at it in every run (numba/numba#9348)."""
+    assert result(copy) == "1"
+    files = list((copy / "_build" / "numba").rglob(f"*.{kind}"))
+    assert files
+    for file in files:
+        file.write_bytes(file.read_bytes()[:keep])
+    assert result(copy) == "1"
+    assert all(file.stat().st_size > keep for file in files)
+
+
 def test_a_users_own_functions_are_cached_where_they_were(copy: Path, tmp_path: Path) -> None:
     (tmp_path / "own.py").write_text(
         "import thesis_lib.outer, numba\n@numba.njit(cache=True)\ndef f(x):\n    return x\nf(1)\n"

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 import numba
 import numpy as np
+from numba.core.caching import FunctionCache
 
 from thesis_lib import IMPORTED
 from thesis_lib.checkout import cache_folders
@@ -44,11 +45,25 @@ def njit(**options: Any) -> Callable[[FunctionT], FunctionT]:
         _CONFIG.CACHE_DIR = str(cache_folder(Path(function.__code__.co_filename)))
         _CONFIG.CACHE_LOCATOR_CLASSES = "UserProvidedCacheLocator"
         try:
-            return numba.njit(cache=True, nogil=True, **options)(function)
+            compiled = numba.njit(nogil=True, **options)(function)
+            compiled._cache = _Mending(function)  # as its enable_caching does
+            return compiled
         finally:
             _CONFIG.CACHE_DIR, _CONFIG.CACHE_LOCATOR_CLASSES = before
 
     return decorate
+
+
+class _Mending(FunctionCache):
+    """A cache that is made anew where it cannot be read, as after a power cut."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """What was compiled for a signature, or None."""
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # numba tells no kind of damage from another
+            self.flush()
+            return None
 
 
 def cache_folder(file: Path) -> Path:

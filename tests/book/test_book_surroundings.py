@@ -133,6 +133,15 @@ def test_a_run_whose_sources_changed_meanwhile_is_not_kept(root: Path) -> None:
     assert "changed while it ran" in str(error)
 
 
+def test_a_kernel_that_dies_ends_the_run(root: Path) -> None:
+    """As one does for want of memory; papermill once waited for it for ever (its issue 125)."""
+    write(root, "dying", "import os, signal\nos.kill(os.getpid(), signal.SIGKILL)")
+    run, error, said = ran(root, "dying")
+    assert run is None
+    assert "DeadKernelError" in str(error)
+    assert any("FAILED" in line for line in said)
+
+
 def test_papermill_by_itself_draws_every_figure(
     root: Path, foreign: dict[str, str], tmp_path: Path
 ) -> None:
