@@ -204,6 +204,7 @@ class Experiment(Generic[ConfigT]):
                 f"{type(default).__module__}."
             )
         chosen = plain(default if config is None else config)
+        seed = check_seed(seed)
         context = Context(seed=seed, workers=workers)
         made_with = environment()  # a later commit is not what ran
         started, cpu = time.time(), time.process_time()
@@ -222,7 +223,7 @@ class Experiment(Generic[ConfigT]):
             "title": self.title,
             "budget": budget if chosen == default else "custom",
             "config": dataclasses.asdict(chosen),  # type: ignore[call-overload]
-            "seed": context.seed,
+            "seed": seed,
             "drawn": context.drawn,
             "workers": context.workers,
             "wall_seconds": round(time.perf_counter() - clock, 3),
