@@ -91,32 +91,32 @@ def bounded(trpo: float = 0.05) -> dict[str, pd.DataFrame]:
     return {"ch2-learning": pd.DataFrame(rows)}
 
 
-@pytest.mark.parametrize(
-    ("claim", "tables", "verdict"),
-    [
-        ("2.3.5-step-size", tried(), Verdict.REPRODUCED),
-        ("2.3.5-step-size", tried(late=0.5), Verdict.DIRECTION),  # all recover
-        ("2.3.5-hard-constraint", bounded(), Verdict.REPRODUCED),
-        ("2.3.5-hard-constraint", bounded(trpo=0.0501), Verdict.REFUTED),
-        ("2.3.5-penalty", tried(), Verdict.REPRODUCED),
-        ("2.3.5-penalty", tried(natural=0.8), Verdict.REFUTED),
-        ("2.3.5-penalty", tried(natural=0.695), Verdict.DIRECTION),  # half a per cent
-        ("2.3.5-trpo-better", tried(), Verdict.REPRODUCED),
-        ("2.3.5-trpo-better", tried(vpg=0.701), Verdict.NOT_REPRODUCED),
-        ("2.3.3-sarsa-online", online(), Verdict.REPRODUCED),
-        ("2.3.3-sarsa-online", online(sarsa=-70_000), Verdict.REFUTED),
-        ("2.3.3-sarsa-online", online(sarsa=-57_990), Verdict.DIRECTION),
-        ("2.3.3-sarsa-online", online(sarsa=-58_010), Verdict.NOT_REPRODUCED),
-        ("3.4.1-q-learning-walks-the-edge", online(), Verdict.REPRODUCED),
-        ("3.4.1-q-learning-walks-the-edge", online(edge=0), Verdict.NOT_REPRODUCED),
-        ("2.3.3-q-learning-optimistic", online(), Verdict.REPRODUCED),
-        ("2.3.3-q-learning-optimistic", online(excess=-5), Verdict.NOT_REPRODUCED),
-        ("2.3.3-q-learning-converges", converged(), Verdict.REPRODUCED),
-        ("2.3.3-q-learning-converges", converged(q_learning=3), Verdict.NOT_REPRODUCED),
-        ("2.3.3-sarsa-cannot-converge", converged(), Verdict.REPRODUCED),
-        ("2.3.3-sarsa-cannot-converge", converged(sarsa=-5.5), Verdict.NOT_REPRODUCED),
-    ],
-)
+JUDGED = [
+    ("2.3.5-step-size", tried(), Verdict.REPRODUCED),
+    ("2.3.5-step-size", tried(late=0.5), Verdict.DIRECTION),  # all recover
+    ("2.3.5-hard-constraint", bounded(), Verdict.REPRODUCED),
+    ("2.3.5-hard-constraint", bounded(trpo=0.0501), Verdict.REFUTED),
+    ("2.3.5-penalty", tried(), Verdict.REPRODUCED),
+    ("2.3.5-penalty", tried(natural=0.8), Verdict.REFUTED),
+    ("2.3.5-penalty", tried(natural=0.695), Verdict.DIRECTION),  # half a per cent
+    ("2.3.5-trpo-better", tried(), Verdict.REPRODUCED),
+    ("2.3.5-trpo-better", tried(vpg=0.701), Verdict.NOT_REPRODUCED),
+    ("2.3.3-sarsa-online", online(), Verdict.REPRODUCED),
+    ("2.3.3-sarsa-online", online(sarsa=-70_000), Verdict.REFUTED),
+    ("2.3.3-sarsa-online", online(sarsa=-57_990), Verdict.DIRECTION),
+    ("2.3.3-sarsa-online", online(sarsa=-58_010), Verdict.NOT_REPRODUCED),
+    ("3.4.1-q-learning-walks-the-edge", online(), Verdict.REPRODUCED),
+    ("3.4.1-q-learning-walks-the-edge", online(edge=0), Verdict.NOT_REPRODUCED),
+    ("2.3.3-q-learning-optimistic", online(), Verdict.REPRODUCED),
+    ("2.3.3-q-learning-optimistic", online(excess=-5), Verdict.NOT_REPRODUCED),
+    ("2.3.3-q-learning-converges", converged(), Verdict.REPRODUCED),
+    ("2.3.3-q-learning-converges", converged(q_learning=3), Verdict.NOT_REPRODUCED),
+    ("2.3.3-sarsa-cannot-converge", converged(), Verdict.REPRODUCED),
+    ("2.3.3-sarsa-cannot-converge", converged(sarsa=-5.5), Verdict.NOT_REPRODUCED),
+]
+
+
+@pytest.mark.parametrize(("claim", "tables", "verdict"), JUDGED)
 def test_judges(claim: str, tables: dict[str, pd.DataFrame], verdict: Verdict) -> None:
     finding = BY_ID[claim].judge(tables)
     assert finding.verdict is verdict

@@ -5,7 +5,7 @@ import pytest
 
 from thesis_lib import potentials
 from thesis_lib.chapter3 import figure_3_2, huddle, runs, scaling
-from thesis_lib.domains import continuing_cliff, episodic_cliff
+from thesis_lib.domains import Domain, continuing_cliff, episodic_cliff
 from thesis_lib.edition.experiment import Context
 from thesis_lib.mdp import planning
 
@@ -39,6 +39,18 @@ def test_total_rewards_are_what_the_learner_earned():
     first = runs.total_rewards(Context(seed=1), domain, [(learner, phi)], 2)
     assert first.shape == (1, 8, 2)
     assert (first <= -15).all()
+
+
+def test_a_potential_draws_the_learner_towards_what_it_values():
+    """A task's own Q* walks its best path from the first step, -5 an episode; -Q* leads astray."""
+    every = episodic_cliff(False)
+    domain = Domain("one task", every.tasks[:1], members=[every.observation_index[0] >= 0])
+    learner = runs.Learner("q_learning", 1.0, 0.0, episodes=3)
+    phi = potentials.q_star(domain)
+    cells = [(learner, phi), (learner, -phi)]
+    towards, away = runs.total_rewards(Context(seed=1), domain, cells, 2)
+    assert towards.tolist() == [[-15.0, -15.0]]
+    assert (away < -15.0).all()
 
 
 def test_unknown_potential_is_named():

@@ -4,9 +4,12 @@ import pytest
 
 from thesis_lib.edition.criteria import (
     Pair,
+    differ_but_one,
     equivalent,
     near_printed,
+    no_greater,
     ordered,
+    positive,
     share_at_least,
     within,
 )
@@ -49,12 +52,61 @@ def test_equivalent():
     assert equivalent([pair(10, 10, sd=20, n=5)], 0.1).verdict is Verdict.INCONCLUSIVE
 
 
+def test_equivalence_tells_its_power():
+    # Standard error 1 and a margin of 1: z = 1 - 1.645 < 0, so it can never be found.
+    assert equivalent([pair(10, 10, sd=7.071, n=100)], 0.1).numbers["power"] == 0.0
+    assert equivalent([pair(10, 10)], 0.1).numbers["power"] > 0.99
+
+
+@pytest.mark.parametrize(
+    ("first", "verdict"),
+    [(10.0, Verdict.REPRODUCED), (9.0, Verdict.REPRODUCED), (10.9, Verdict.REFUTED)],
+)
+def test_no_greater(first, verdict):
+    assert no_greater([pair(first, 10.0)], 0.1).verdict is verdict
+
+
+def test_no_greater_needs_enough_runs():
+    assert no_greater([pair(10, 10, sd=20, n=5)], 0.1).verdict is Verdict.INCONCLUSIVE
+
+
+@pytest.mark.parametrize(
+    ("contrasts", "verdict"),
+    [
+        ({"a": (3.0, 1.0), "b": (4.0, 1.0)}, Verdict.REPRODUCED),
+        ({"a": (3.0, 1.0), "b": (0.5, 1.0)}, Verdict.DIRECTION),
+        ({"a": (3.0, 1.0), "b": (-0.5, 1.0)}, Verdict.NOT_REPRODUCED),
+        ({"a": (3.0, 1.0), "b": (-4.0, 1.0)}, Verdict.REFUTED),
+        ({"a": (2.0, 1.0)}, Verdict.REPRODUCED),  # p = .046
+        ({"a": (2.0, 1.0), "b": (2.0, 1.0)}, Verdict.DIRECTION),  # twice that
+    ],
+)
+def test_positive(contrasts, verdict):
+    assert positive(contrasts, "Gains").verdict is verdict
+
+
+@pytest.mark.parametrize(
+    ("apart", "alike", "verdict"),
+    [
+        (pair(15, 10), pair(10, 10), Verdict.REPRODUCED),
+        (pair(10, 10), pair(10, 10), Verdict.REFUTED),  # one said to differ is alike
+        (pair(15, 10), pair(12, 10), Verdict.REFUTED),  # the one said to be alike differs
+        (pair(15, 10), pair(10, 10, sd=20, n=5), Verdict.INCONCLUSIVE),
+    ],
+)
+def test_differ_but_one(apart, alike, verdict):
+    assert differ_but_one([apart], alike).verdict is verdict
+
+
 def test_near_printed_by_hand():
     # Gaps of 1 and 2 over a common error of 5 = hypot(3, 4).
     found = near_printed([1, 2], [3, 3], [0, 0], [4, 4])
     assert found.verdict is Verdict.REPRODUCED
     assert found.numbers["chi_square"] == pytest.approx((1 + 4) / 25)
     assert near_printed([100], [3], [0], [4]).verdict is Verdict.NOT_REPRODUCED
+    # Chi-square 6.25 twice over: 12.5 on 2 degrees of freedom (p = .002), as on 1 (p = .0004).
+    fitted = near_printed([12.5, 12.5], [3, 3], [0, 0], [4, 4], fitted=1)
+    assert fitted.numbers["p"] == pytest.approx(0.000407, abs=1e-6)
 
 
 def test_within():

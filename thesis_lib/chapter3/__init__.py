@@ -6,6 +6,7 @@ several results need is in ``runs``.
 """
 
 RESULTS = (
+    "shaping",
     "theorem_1",
     "levels",
     "mu_star",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from itertools import product
+from itertools import combinations, product
 from typing import Any, Literal
 
 import pandas as pd
@@ -22,7 +22,7 @@ from thesis_lib.chapter3.runs import (
     sweep,
 )
 from thesis_lib.domains import stock
-from thesis_lib.edition.criteria import LEVEL, best, ordered
+from thesis_lib.edition.criteria import LEVEL, best, differ_but_one, equivalent, ordered, positive
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion, effect_of
 from thesis_lib.edition.words import number, probability, several, span
@@ -107,18 +107,78 @@ def by_alpha(config: Config, context: Context) -> list[Return]:
     return records
 
 
+def of_size(table: pd.DataFrame, stocks: int) -> pd.DataFrame:
+    """Each potential at every alpha, for one E and the least exploration."""
+    return table[(table.stocks == stocks) & (table.epsilon == table.epsilon.min())]
+
+
 def two_stocks(table: pd.DataFrame) -> pd.DataFrame:
     """Each potential at its best alpha, for E = 2 and the least exploration."""
-    own = table[(table.stocks == 2) & (table.epsilon == table.epsilon.min())]
-    return at_best(own)
+    return at_best(of_size(table, 2))
+
+
+SIZES = {3: "E = 3, as printed", 2: "E = 2, as the number of runs says"}
 
 
 @criterion("3.4.4-best", by_alpha)
 def q_star_and_q_tilde_are_best(table: pd.DataFrame) -> Finding:
-    """Q* and Q~ above no shaping and above Q^mu on stock, each at its best alpha."""
-    at = two_stocks(table)
-    pairs = [compared(at, a, b) for a in ("Q_star", "Q_tilde") for b in ("none", "Q_mu")]
+    """Q* and Q~ above no shaping and above Q^mu on stock, each at its best alpha, for both E."""
+    pairs = [
+        compared(at_best(of_size(table, size)), a, b, where)
+        for size, where in SIZES.items()
+        for a in ("Q_star", "Q_tilde")
+        for b in ("none", "Q_mu")
+    ]
     return ordered(pairs, "return at each potential's best alpha")
+
+
+@criterion("3.4.4-tilde-superior", by_alpha)
+def q_tilde_is_as_good_as_q_star(table: pd.DataFrame) -> Finding:
+    """Q~ against Q* on stock at their best alphas: equivalent within 5%?"""
+    pairs = [compared(at_best(of_size(table, e)), "Q_tilde", "Q_star", w) for e, w in SIZES.items()]
+    return equivalent(pairs, 0.05, "return at the best alphas")
+
+
+@criterion("3.4.4-resistant", by_alpha)
+def q_mu_resists_changes_of_alpha(table: pd.DataFrame) -> Finding:
+    """How much less Q^mu loses than Q* and Q~ from its best alpha to the mean over all."""
+    contrasts = {}
+    for size, where in SIZES.items():
+        lost = {}
+        for name, own in of_size(table, size).groupby("potential"):
+            se, top = own.sd / own.n_runs**0.5, own.mean_return.idxmax()
+            share = 1 / len(own)  # the best point is one of those in the mean
+            spread = (se**2).sum() * share**2 + (1 - 2 * share) * se[top] ** 2
+            lost[name] = (own.mean_return.max() - own.mean_return.mean(), float(spread))
+        for other in ("Q_star", "Q_tilde"):
+            gap = lost[other][0] - lost["Q_mu"][0]
+            contrasts[f"{NAMES[other]} ({where})"] = (
+                gap,
+                (lost[other][1] + lost["Q_mu"][1]) ** 0.5,
+            )
+    return positive(
+        contrasts, "Q^μ loses less return than the other from its best alpha to the mean"
+    )
+
+
+@criterion("3.4.4-high-alpha", by_alpha)
+def differences_vanish_at_high_alpha(table: pd.DataFrame) -> Finding:
+    """Q^mu against Q* and Q~ at the highest learning rate: equivalent within 5%?"""
+    high = table[table.alpha == table.alpha.max()]
+    pairs = [
+        compared(of_size(high, size), other, "Q_mu", where)
+        for size, where in SIZES.items()
+        for other in ("Q_star", "Q_tilde")
+    ]
+    return equivalent(pairs, 0.05, f"return at alpha {high.alpha.iloc[0]:g}")
+
+
+@criterion("3.4.4-caption", by_alpha)
+def all_but_q_tilde_and_q_star(table: pd.DataFrame) -> Finding:
+    """The caption of figure 3.4 at the E its number of runs says."""
+    at, alike = two_stocks(table), ("Q_star", "Q_tilde")
+    names = [pair for pair in combinations(("none", *SHAPED), 2) if pair != alike]
+    return differ_but_one([compared(at, a, b) for a, b in names], compared(at, *alike))
 
 
 @criterion("3.4.4-constant", by_alpha)

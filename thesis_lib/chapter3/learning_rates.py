@@ -12,13 +12,11 @@ from matplotlib.figure import Figure
 from thesis_lib import potentials
 from thesis_lib.chapter3 import table_3_1
 from thesis_lib.chapter3.runs import LEARNERS, SETTINGS, Learner, total_rewards
-from thesis_lib.edition.criteria import LEVEL, Pair, best, summary
+from thesis_lib.edition.criteria import Pair, best, no_greater, summary
 from thesis_lib.edition.experiment import Context, experiment, returns
-from thesis_lib.edition.ledger import Finding, Verdict, criterion
+from thesis_lib.edition.ledger import Finding, criterion
 from thesis_lib.edition.plots import PRINTED
-from thesis_lib.edition.words import probability
 from thesis_lib.mdp.learning import Method
-from thesis_lib.stats import welch
 
 METHODS: tuple[Method, ...] = ("q_learning", "sarsa")
 
@@ -75,25 +73,14 @@ def by_alpha(config: Config, context: Context) -> list[Return]:
 
 @criterion("3.4.1-learning-rates", by_alpha)
 def learning_rates_are_best(table: pd.DataFrame) -> Finding:
-    """Whether each learner earns the most at its printed learning rate."""
-    told, right = [], []
+    """The best learning rate of each learner against the printed one: better by at most 3%?"""
+    pairs = []
     for algorithm in METHODS:
         own, stated = table[table.algorithm == algorithm], table_3_1.Config().alpha(algorithm)
         top, printed = best(own), best(own[own.alpha == stated])
-        test = welch(summary(top), summary(printed))
-        right.append(test.p_value >= LEVEL)
         names = (f"best at alpha {top.alpha:g}", f"at the printed alpha {stated:g}")
-        pair = Pair(summary(top), summary(printed), names, LEARNERS[algorithm])
-        told.append(f"{pair} ({probability(test.p_value)})")
-    if all(right):
-        verdict = Verdict.REPRODUCED
-    else:
-        verdict = Verdict.DIRECTION if any(right) else Verdict.NOT_REPRODUCED
-    return Finding(
-        verdict,
-        f"{sum(right)} of {len(right)} learners earn nowhere significantly more than at the "
-        f"printed learning rate (Welch; total reward in 10⁴): {'; '.join(told)}.",
-    )
+        pairs.append(Pair(summary(top), summary(printed), names, LEARNERS[algorithm]))
+    return no_greater(pairs, 0.03, "total reward in 10⁴")
 
 
 def figure(table: pd.DataFrame, printed: pd.DataFrame) -> Figure:

@@ -14,6 +14,7 @@ from thesis_lib import potentials
 from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter3.runs import SETTINGS, SYMBOLS, MuSearch
 from thesis_lib.domains import Domain
+from thesis_lib.edition.criteria import share_at_least
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.words import number
@@ -110,6 +111,32 @@ def triangle_levels(table: pd.DataFrame) -> Finding:
         else f"Mean over pairs: Q* {number(star)}, Q~ {number(tilde)}, Q^μ {number(mu)}; all have "
         "the same greedy actions.",
         {"Q_star": star, "Q_tilde": tilde, "Q_mu": mu, "same": same},
+    )
+
+
+@criterion("3.3.5-conservative", levels)
+def cross_task_values_are_conservative(table: pd.DataFrame) -> Finding:
+    """The mean of Q^mu against those of Q* and Q~, by domain."""
+    mean = table.pivot(index="domain", columns="potential", values="mean")
+    mean = mean.reindex(list(dict.fromkeys(table.domain)))
+    lower = (mean.Q_mu < mean[["Q_star", "Q_tilde"]].min(axis=1)).to_dict()
+    held = {
+        f"{d}: Q* {number(v.Q_star)}, Q~ {number(v.Q_tilde)}, Q^μ {number(v.Q_mu)}": lower[d]
+        for d, v in mean.iterrows()
+    }
+    return share_at_least(held, 1.0, "The mean of Q^μ lies below both others")
+
+
+@criterion("3.6-lower", levels)
+def never_above_q_star(table: pd.DataFrame) -> Finding:
+    """Largest amount by which Q~ or Q^mu exceeds Q* at a pair, with the same weights."""
+    most = float(table.largest_rise.max())
+    return Finding(
+        Verdict.REPRODUCED if most <= 1e-9 else Verdict.REFUTED,
+        f"With uniform weights neither exceeds Q* anywhere on {table.domain.nunique()} domains."
+        if most <= 1e-9
+        else f"One of them exceeds Q* by {number(most)} at some pair.",
+        {"rise": most},
     )
 
 

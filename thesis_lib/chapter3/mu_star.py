@@ -91,17 +91,15 @@ def searches(config: Config, context: Context) -> list[Search]:
 
 @criterion("3.3.5-ga-missed-mu-star", searches)
 def ga_misses_mu_star(table: pd.DataFrame) -> Finding:
-    """Whether the GA's best value is below that of exact gradients, by domain."""
-    by = table.pivot(index=["domain", "objective"], columns="method", values="value")
-    by = by.reindex(list(dict.fromkeys(zip(table.domain, table.objective, strict=True))))
-    missed = {
-        f"{domain}, {objective}: {number(v.ga)} of {number(v.gradient)}": bool(
-            (v.gradient - v.ga) / abs(v.gradient) > 0.01
-        )
-        for (domain, objective), v in by.iterrows()
-    }
-    what = "The GA stays more than 1% below the value that exact gradients reach"
-    return share_at_least(missed, 1 / len(missed), what)
+    """Whether every run of the GA stays below exact gradients on the episodic cliff."""
+    by = table[table.domain == "episodic cliff"].set_index(["objective", "method"])
+    missed = {}
+    for objective in dict.fromkeys(by.index.get_level_values("objective")):
+        ga, gradient = (float(by.value[objective, m]) for m in ("ga", "gradient"))
+        told = f"{objective} weights: {number(ga)}, exact gradients {number(gradient)}"
+        missed[told] = (gradient - ga) / abs(gradient) > 0.01
+    what = "On the episodic cliff the GA's best run stays more than 1% below exact gradients"
+    return share_at_least(missed, 1.0, what, direction=True)
 
 
 @criterion("3.3.5-mu-star-is-poor", searches)

@@ -108,8 +108,9 @@ def learned(config: Config, context: Context) -> list[Solution]:
 def sarsa_is_wrong(table: pd.DataFrame) -> Finding:
     """Whether Sarsa's solution after its long run is far from the soft optimum."""
     stuck, own = int((~table.reaches_goal).sum()), table.reward_per_step.mean()
+    verdict = Verdict.DIRECTION if stuck else Verdict.NOT_REPRODUCED
     return Finding(
-        Verdict.REPRODUCED if stuck == len(table) else Verdict.DIRECTION,
+        Verdict.REPRODUCED if stuck == len(table) else verdict,
         f"In {stuck} of {len(table)} solutions (8 tasks at each gamma) the greedy path never "
         f"reaches the goal; the policies earn {number(own)} a step where the best soft policy "
         f"earns {number(table.best_reward_per_step.mean())}.",

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter3.runs import (
     LEARNERS,
+    NAMES,
     SETTINGS,
     SYMBOLS,
     MuSearch,
@@ -21,9 +22,12 @@ from thesis_lib.chapter3.runs import (
     named_potentials,
     total_rewards,
 )
+from thesis_lib.edition.criteria import LEVEL, best, summary
 from thesis_lib.edition.experiment import Context, Returns, experiment, returns
+from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import PRINTED
-from thesis_lib.stats import mean_ci
+from thesis_lib.edition.words import number
+from thesis_lib.stats import holm, mean_ci, welch
 
 
 @dataclass(frozen=True)
@@ -117,6 +121,32 @@ def leave_one_out(totals: FloatArray) -> FloatArray:
     others = by_task.sum(axis=1, keepdims=True) - by_task
     best = np.argmax(others, axis=0)
     return np.stack([totals[best[m], m] for m in range(n_tasks)])
+
+
+@criterion("3.6-scaling", scaled)
+def scaling_helps(table: pd.DataFrame) -> Finding:
+    """In how many settings another factor than 1 earns a potential significantly more."""
+    told, p = [], []
+    for (domain, algorithm, potential), own in table.groupby(
+        ["domain", "algorithm", "potential"], sort=False
+    ):
+        at_one, others = own[own.factor == 1].iloc[0], own[own.factor != 1]
+        top = best(others)
+        test = welch(summary(top), summary(at_one))
+        # The best factor is chosen after looking: any of them might have been it.
+        p.append(min(1.0, len(others) * test.p_value) if test.difference > 0 else 1.0)
+        told.append(
+            f"{NAMES[potential]} ({domain}, {LEARNERS[algorithm]}; factor {top.factor:g}, "
+            f"{number(test.difference, (test.high - test.low) / 2, sign=True)})"
+        )
+    helped = [text for text, q in zip(told, holm(p), strict=True) if q < LEVEL]
+    return Finding(
+        Verdict.REPRODUCED if helped else Verdict.NOT_REPRODUCED,
+        f"Some factor earns significantly more than 1 (Welch, Holm, corrected for the choice of "
+        f"the best) in {len(helped)} of {len(told)} cases{': ' if helped else ''}"
+        f"{'; '.join(helped)}.",
+        {"helped": len(helped)},
+    )
 
 
 def figure(table: pd.DataFrame) -> Figure:

@@ -237,6 +237,19 @@ def bound_holds(table: pd.DataFrame) -> Finding:
     )
 
 
+@criterion("3.3.1-lower-bound", sweeps)
+def lower_bound(table: pd.DataFrame) -> Finding:
+    """Whether value iteration never needs fewer sweeps than (3.2) says."""
+    fewer = table.sweeps < table.bound - 1e-6
+    least = float((table.sweeps / table.bound.clip(lower=1)).min())
+    return Finding(
+        Verdict.REFUTED if fewer.any() else Verdict.REPRODUCED,
+        f"Fewer sweeps than (3.2) are enough in {int(fewer.sum())} of {len(table)} combinations of "
+        f"domain, precision and initialisation; the least is {least:.0%} of it.",
+        {"fewer": int(fewer.sum()), "least": least},
+    )
+
+
 @criterion("3.3.1-theorem-1", sweeps)
 def minimisers_have_the_least_bound(table: pd.DataFrame) -> Finding:
     """Whether the minimisers of the objective, as printed and corrected, have the least bound."""

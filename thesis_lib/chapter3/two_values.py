@@ -8,15 +8,18 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from scipy import stats
 
 from thesis_lib import potentials
 from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter3.runs import SETTINGS, Learner, total_rewards
 from thesis_lib.domains import Domain
+from thesis_lib.edition.criteria import Pair, equivalent
 from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.ledger import Finding, criterion
 from thesis_lib.edition.plots import COLOURS, PRINTED
 from thesis_lib.mdp.learning import learn
-from thesis_lib.stats import mean_ci
+from thesis_lib.stats import Summary, mean_ci
 
 
 @dataclass(frozen=True)
@@ -132,6 +135,23 @@ def learned_on_the_side(config: Config, context: Context) -> list[Return]:
                     )
                 )
     return records
+
+
+@criterion("3.6-two-values", learned_on_the_side)
+def side_values_are_as_good(table: pd.DataFrame) -> Finding:
+    """Return with Q~ learned on the side for longest against the exact one: within 5%?"""
+    own = table[(table.potential == "Q_tilde") & (table.steps == table.steps.max())]
+    pairs = []
+    for r in own.itertuples():
+        one, other = (
+            Summary(mean, half * n**0.5 / float(stats.t.ppf(0.975, n - 1)), n)
+            for mean, half, n in (
+                (r.mean_return, r.ci95, r.n_runs),
+                (r.exact_mean, r.exact_ci95, r.exact_n_runs),
+            )
+        )
+        pairs.append(Pair(one, other, ("learned on the side", "exact"), r.domain))
+    return equivalent(pairs, 0.05, f"after {own.steps.max():,} steps a task")
 
 
 def figure(table: pd.DataFrame) -> Figure:

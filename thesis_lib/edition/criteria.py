@@ -129,6 +129,7 @@ def equivalent(
     equal = sum(t.p_value < LEVEL for t in tests)
     p_differ = np.array([welch(p.first, p.second).p_value for p in pairs])
     differ = int((holm(p_differ) < LEVEL).sum())
+    powers = [_power(p, b) for p, b in zip(pairs, bounds, strict=True)]
     if equal == len(pairs):
         verdict = Verdict.REPRODUCED
     elif differ and refutable:
@@ -141,13 +142,120 @@ def equivalent(
         verdict,
         f"Of {len(pairs)} comparisons {_share(equal, len(pairs))} equivalent within {margin:.0%} "
         f"(two one-sided tests) and {_share(differ, len(pairs))} significantly different (Welch, "
-        f"Holm; {_runs(pairs)}{_in(unit)}); {lead}{'; '.join(map(str, shown))}.",
-        {"equivalent": equal, "different": differ},
+        f"Holm; {_runs(pairs)}{_in(unit)}; without any difference the tests would find equivalence "
+        f"in {min(powers):.0%} of samples or more); {lead}{'; '.join(map(str, shown))}.",
+        {"equivalent": equal, "different": differ, "power": min(powers)},
+    )
+
+
+def _power(pair: Pair, bound: float) -> float:
+    """Power of the two one-sided tests where there is no difference at all (normal)."""
+    error = float(np.hypot(*(s.sd / s.n**0.5 for s in (pair.first, pair.second))))
+    z = bound / error - distributions.norm.isf(LEVEL) if error else np.inf
+    return float(max(0.0, 2 * distributions.norm.cdf(z) - 1))
+
+
+def differ_but_one(pairs: Sequence[Pair], alike: Pair, margin: float = 0.05) -> Finding:
+    """Whether the two of every pair differ significantly, and those of one further pair are alike.
+
+    Reproduced when all differences are significant (Welch, Holm) and that pair is equivalent
+    within the margin; refuted when a pair said to differ is equivalent, or the pair said to be
+    alike differs significantly and by more than the margin; else inconclusive.
+    """
+    tests = [welch(p.first, p.second) for p in (*pairs, alike)]
+    *p, p_alike = holm([t.p_value for t in tests])
+    close = [
+        equivalence(x.first, x.second, margin * abs(x.second.mean)).p_value < LEVEL
+        for x in (*pairs, alike)
+    ]
+    apart, wrong = sum(q < LEVEL for q in p), sum(close[:-1])
+    far = abs(tests[-1].difference) > margin * abs(alike.second.mean)
+    verdict = Verdict.INCONCLUSIVE
+    if wrong or (p_alike < LEVEL and far):
+        verdict = Verdict.REFUTED
+    elif apart == len(pairs) and close[-1]:
+        verdict = Verdict.REPRODUCED
+    return Finding(
+        verdict,
+        f"Of the {len(pairs)} pairs said to differ {apart} do significantly (Welch, Holm; "
+        f"{_runs(pairs)}) and {wrong} {'is' if wrong == 1 else 'are'} equivalent within "
+        f"{margin:.0%}. The pair said to be alike: {alike}, "
+        f"{'equivalent' if close[-1] else 'not shown to be equivalent'}.",
+        {"apart": apart, "wrongly_alike": wrong, "alike": float(close[-1])},
+    )
+
+
+def no_greater(pairs: Sequence[Pair], margin: float, unit: str = "") -> Finding:
+    """Whether no first is the greater by more than a margin: one-sided Welch tests.
+
+    Reproduced when all are shown to be at most so much greater; refuted when one is significantly
+    greater by any amount (Welch, Holm); else inconclusive.
+
+    Parameters
+    ----------
+    pairs
+        At least one.
+    margin
+        As a share of the second mean.
+    unit
+        See :func:`ordered`.
+    """
+    tests = [welch(p.first, p.second, level=1 - 2 * LEVEL) for p in pairs]
+    bounded = sum(t.high < margin * abs(p.second.mean) for p, t in zip(pairs, tests, strict=True))
+    adjusted = holm([t.p_value for t in tests])
+    greater = sum(t.difference > 0 and q < LEVEL for t, q in zip(tests, adjusted, strict=True))
+    verdict = Verdict.REPRODUCED if bounded == len(pairs) else Verdict.INCONCLUSIVE
+    if greater:
+        verdict = Verdict.REFUTED
+    return Finding(
+        verdict,
+        f"Of {len(pairs)} comparisons {_share(bounded, len(pairs))} shown to be greater by at most "
+        f"{margin:.0%} (one-sided Welch) and {_share(greater, len(pairs))} significantly greater "
+        f"(Welch, Holm; {_runs(pairs)}{_in(unit)}): {'; '.join(map(str, pairs))}.",
+        {"bounded": bounded, "greater": greater},
+    )
+
+
+def positive(contrasts: Mapping[str, tuple[float, float]], what: str) -> Finding:
+    """Whether every contrast of independent means is above 0: z tests with Holm's correction.
+
+    Verdicts are those of :func:`ordered`.
+
+    Parameters
+    ----------
+    contrasts
+        Estimate and standard error by setting; at least one.
+    what
+        What they are, as the sentence begins.
+    """
+    estimate, error = np.array(list(contrasts.values())).T
+    p = holm(2 * distributions.norm.sf(np.abs(estimate) / np.maximum(error, 1e-300)))
+    sure = p < LEVEL
+    if (sure & (estimate < 0)).any():
+        verdict = Verdict.REFUTED
+    elif (estimate > 0).all():
+        verdict = Verdict.REPRODUCED if sure.all() else Verdict.DIRECTION
+    else:
+        verdict = Verdict.NOT_REPRODUCED
+    told = "; ".join(
+        f"{where} {plus_minus(e, 1.96 * se) if se else number(e)} ({probability(q)})"
+        for (where, (e, se)), q in zip(contrasts.items(), p, strict=True)
+    )
+    return Finding(
+        verdict,
+        f"{what}: {told}; {_share(int((sure & (estimate > 0)).sum()), len(p))} significantly above "
+        "0 (z, Holm).",
+        {where: float(e) for where, (e, _) in contrasts.items()},
     )
 
 
 def near_printed(
-    ours: ArrayLike, error: ArrayLike, printed: ArrayLike, printed_error: ArrayLike
+    ours: ArrayLike,
+    error: ArrayLike,
+    printed: ArrayLike,
+    printed_error: ArrayLike,
+    *,
+    fitted: int = 0,
 ) -> Finding:
     """Whether numbers meet the printed ones together: chi-square, p above .01.
 
@@ -157,16 +265,19 @@ def near_printed(
         Means and their standard errors, shape ``(n,)``.
     printed, printed_error
         What the thesis prints, and the standard errors of that.
+    fitted
+        How many settings were fitted to these numbers; each costs a degree of freedom.
     """
     mean, wanted = np.asarray(ours, float), np.asarray(printed, float)
     sd = np.hypot(np.asarray(error, float), np.asarray(printed_error, float))
     total = chi_square(mean, wanted, sd)
-    p = float(distributions.chi2.sf(total, len(mean)))
+    dof = len(mean) - fitted
+    p = float(distributions.chi2.sf(total, dof))
     far = np.abs(mean - wanted) / sd
     return Finding(
         Verdict.REPRODUCED if p > 0.01 else Verdict.NOT_REPRODUCED,
         f"The {len(mean)} numbers differ from the printed ones by chi-square {number(total, 1)} "
-        f"on {len(mean)} degrees of freedom ({probability(p)}), the farthest by "
+        f"on {dof} degrees of freedom ({probability(p)}), the farthest by "
         f"{far.max():.1f} standard errors.",
         {"chi_square": total, "p": p, "farthest": float(far.max())},
     )

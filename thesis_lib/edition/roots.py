@@ -160,7 +160,8 @@ def _digest(
         for name, file in closure(
             sorted({f"import {f.__module__}" for f in functions}), root
         ).items()
-        if not name.startswith("thesis_lib.edition.") or name.endswith(".criteria")
+        if not name.startswith("thesis_lib.edition.")
+        or (reached is None and name.endswith(".criteria"))
     }
     hashed = hashlib.sha256("\0".join(texts).encode())
     for name, file in modules.items():
