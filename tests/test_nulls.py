@@ -14,13 +14,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib import chapter2, chapter3
+from thesis_lib import chapter2, chapter3, chapter6
 from thesis_lib.edition.ledger import Claim, Verdict, read_chapter
 
 from .chapter2 import test_criteria
 
-CHAPTERS = {"chapter2": read_chapter(chapter2), "chapter3": read_chapter(chapter3)}
-CLAIMS: dict[str, Claim] = {c.id: c for chapter in CHAPTERS.values() for c in chapter.claims}
+CLAIMS: dict[str, Claim] = {
+    c.id: c for package in (chapter2, chapter3, chapter6) for c in read_chapter(package).claims
+}
 Table = pd.DataFrame
 Null = Callable[[Table, np.random.Generator], Table]
 
@@ -167,6 +168,26 @@ def every_domain() -> dict[str, Table]:
     }
 
 
+def one_domain(**level: float) -> dict[str, Table]:
+    """The three potentials at the same levels everywhere, Q^mu the lowest unless given."""
+    level = {"none": 95.0, "Q_star": 100.0, "Q_tilde": 100.0, "Q_mu": 90.0} | level
+    continuing = figure_3_1()["figure-3.1"]
+    return {
+        **table_3_1(**level),
+        "figure-3.1": continuing.assign(mean_return=continuing.potential.map(level)).dropna(),
+        **figure_3_3(tilde=level["Q_tilde"], star=level["Q_star"], Q_mu=level["Q_mu"]),
+        **figure_3_4(**level),
+    }
+
+
+def high_risk(q_mu: float = 5.0, sarsa: float = -5.0) -> dict[str, Table]:
+    """Q^mu ahead for Q-learning, what Sarsa learned behind for Sarsa."""
+    table = figure_3_1(low=0.0, high=0.0)["figure-3.1"]
+    q = (table.algorithm == "q_learning") & (table.potential == "Q_mu")
+    own = (table.algorithm == "sarsa") & (table.potential == "Q_tilde_sarsa")
+    return {"figure-3.1": table.assign(mean_return=table.mean_return + q_mu * q + sarsa * own)}
+
+
 def learning_rates() -> dict[str, Table]:
     """Each learner best at its printed rate."""
     rows = [
@@ -297,6 +318,12 @@ CASES = {
     "3.6-order-not-level": Case(moved()),
     "3.6-reversal-is-level": Case(moved()),
     "3.6-scaling": Case(scaled(), (noise, few)),
+    "6.1-q-star": Case(one_domain(Q_mu=100.0), (few,), (one_domain(),)),
+    "6.1-q-tilde": Case(one_domain(), (few,), (one_domain(Q_star=110.0),)),
+    "6.1-q-mu-average": Case(one_domain()),
+    "6.1-q-mu-high-risk": Case(high_risk(), (noise, few), (high_risk(q_mu=-5.0),)),
+    "6.1-wrong-values": Case(high_risk(), (noise, few), (high_risk(sarsa=5.0),)),
+    "6.1-too-optimistic": Case(table_3_1()),
     "3.6-two-values": Case(on_the_side(), LIKENESS),
 }
 

@@ -1,5 +1,6 @@
 """The ledger."""
 
+import re
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
@@ -180,6 +181,54 @@ class TestReadChapter:
     def test_every_row_has_exactly_one_function(self, tmp_path, words, members, message):
         with pytest.raises(RuntimeError, match=message):
             self.chapter(tmp_path, words, **members)
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "expected"),
+    [
+        ([Verdict.REPRODUCED], Verdict.REPRODUCED),
+        ([Verdict.REPRODUCED] * 2, Verdict.REPRODUCED),
+        ([Verdict.REPRODUCED, Verdict.REFUTED], Verdict.DIRECTION),
+        ([Verdict.REFUTED] * 2, Verdict.REFUTED),
+        ([Verdict.NOT_REPRODUCED, Verdict.REFUTED], Verdict.NOT_REPRODUCED),
+    ],
+)
+def test_a_claim_that_rests_on_others(verdicts, expected):
+    parts = [
+        replace(CLAIM, id=str(i), experiments=(f"e{i}",), judge=lambda t, v=v: Finding(v, "So."))
+        for i, v in enumerate(verdicts)
+    ]
+    whole = CLAIM.resting_on(parts)
+    assert whole.experiments == tuple(f"e{i}" for i in range(len(parts)))
+    assert whole.judge({}).verdict is expected
+
+
+def test_a_claim_cannot_rest_on_what_is_not_there(monkeypatch):
+    monkeypatch.setattr(chapters, "CHAPTERS", ("one",))
+    lost = replace(CLAIM, rests_on=("9.9",))
+    monkeypatch.setattr(chapters, "chapter", lambda name: ledger.Chapter((), (lost,), ()))
+    with pytest.raises(RuntimeError, match=r"rests on '9\.9'"):
+        chapters.claims()
+
+
+def test_the_questions_name_claims_that_are_there():
+    """Each of section 1.3's six questions has both answers."""
+    rows = scoreboard._questions()
+    assert len(rows) == 6
+    named = {x for row in rows for x in re.findall(r"\{([^}]+)\}", row["ours"])}
+    assert named <= {claim.id for claim in chapters.claims()}
+    assert all(re.search(r"\{", row["ours"]) and row["thesis"] for row in rows)
+
+
+def test_questions_tell_verdicts(tmp_path, monkeypatch):
+    saved(tmp_path, [1.0])
+    monkeypatch.setattr(scoreboard, "claims", lambda: (CLAIM,))
+    row = {"text": "What?", "thesis": "This.", "ours": "It is {0.1-toy}."}
+    monkeypatch.setattr(scoreboard, "_questions", lambda: [row])
+    assert "It is *reproduced*." in scoreboard.questions_markdown(tmp_path)
+    row["ours"] = "It is {0.2}."
+    with pytest.raises(ValueError, match=r"'0\.2'"):
+        scoreboard.questions_markdown(tmp_path)
 
 
 @pytest.mark.parametrize(

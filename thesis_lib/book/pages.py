@@ -10,6 +10,7 @@ from thesis_lib.book.thesis_numbers import thesis_number
 from thesis_lib.edition.scoreboard import (
     differences_markdown,
     findings_markdown,
+    questions_markdown,
     scoreboard_markdown,
 )
 
@@ -29,6 +30,7 @@ def generated(results: Path, runs: Mapping[str, Run], *, draft: bool = False) ->
     return {
         "findings.md": findings_markdown(results, draft=draft),
         "scoreboard.md": scoreboard_markdown(results, draft=draft),
+        "questions.md": questions_markdown(results, draft=draft),
         "differences.md": differences_markdown(results),
         "status.md": status_markdown([runs[name] for name in sorted(runs)]),
     }

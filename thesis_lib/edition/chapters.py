@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 from thesis_lib.edition.experiment import Experiment
 from thesis_lib.edition.ledger import Chapter, Claim, Difference, read_chapter
 
-CHAPTERS = ("chapter2", "chapter3", "appendix_a", "chapter4", "chapter5")
+CHAPTERS = ("chapter2", "chapter3", "appendix_a", "chapter4", "chapter5", "chapter6")
 """In the order in which they are listed."""
 
 LEDGERS = {"chapter5": ("chapter5", "learning")}
@@ -59,8 +59,13 @@ def experiments() -> dict[str, Experiment[Any]]:
 
 
 def claims() -> tuple[Claim, ...]:
-    """All claims."""
-    return _unique(chain.from_iterable(chapter(n).claims for n in CHAPTERS))
+    """All claims; those that rest on others are judged by them."""
+    found = _unique(chain.from_iterable(chapter(n).claims for n in CHAPTERS))
+    by = {claim.id: claim for claim in found}
+    unknown = [(c.id, x) for c in found for x in c.rests_on if x not in by]
+    if unknown:
+        raise RuntimeError("claim {!r} rests on {!r}, which is not there.".format(*unknown[0]))
+    return tuple(c.resting_on([by[x] for x in c.rests_on]) if c.rests_on else c for c in found)
 
 
 def differences() -> tuple[Difference, ...]:

@@ -136,8 +136,7 @@ def equivalent(
         verdict = Verdict.REFUTED
     else:
         verdict = Verdict.INCONCLUSIVE
-    shown = pairs if len(pairs) <= 3 else [pairs[int(p_differ.argmin())]]
-    lead = "" if len(pairs) <= 3 else "the clearest difference: "
+    lead, shown = _clearest(pairs, 1 - p_differ)
     return Finding(
         verdict,
         f"Of {len(pairs)} comparisons {_share(equal, len(pairs))} equivalent within {margin:.0%} "
@@ -185,7 +184,9 @@ def differ_but_one(pairs: Sequence[Pair], alike: Pair, margin: float = 0.05) -> 
     )
 
 
-def no_greater(pairs: Sequence[Pair], margin: float, unit: str = "") -> Finding:
+def no_greater(
+    pairs: Sequence[Pair], margin: float, unit: str = "", *, tolerant: bool = False
+) -> Finding:
     """Whether no first is the greater by more than a margin: one-sided Welch tests.
 
     Reproduced when all are shown to be at most so much greater; refuted when one is significantly
@@ -199,11 +200,19 @@ def no_greater(pairs: Sequence[Pair], margin: float, unit: str = "") -> Finding:
         As a share of the second mean.
     unit
         See :func:`ordered`.
+    tolerant
+        Whether only being greater by more than the margin refutes (Welch, Bonferroni).
     """
     tests = [welch(p.first, p.second, level=1 - 2 * LEVEL) for p in pairs]
-    bounded = sum(t.high < margin * abs(p.second.mean) for p, t in zip(pairs, tests, strict=True))
+    bounds = [margin * abs(p.second.mean) for p in pairs]
+    bounded = sum(t.high < b for t, b in zip(tests, bounds, strict=True))
     adjusted = holm([t.p_value for t in tests])
     greater = sum(t.difference > 0 and q < LEVEL for t, q in zip(tests, adjusted, strict=True))
+    if tolerant:
+        strict = [welch(p.first, p.second, level=1 - 2 * LEVEL / len(pairs)) for p in pairs]
+        greater = sum(t.low > b for t, b in zip(strict, bounds, strict=True))
+    lead, shown = _clearest(pairs, [t.difference / abs(p.second.mean) if p.second.mean else 0.0
+                                    for p, t in zip(pairs, tests, strict=True)])  # fmt: skip
     verdict = Verdict.REPRODUCED if bounded == len(pairs) else Verdict.INCONCLUSIVE
     if greater:
         verdict = Verdict.REFUTED
@@ -211,9 +220,17 @@ def no_greater(pairs: Sequence[Pair], margin: float, unit: str = "") -> Finding:
         verdict,
         f"Of {len(pairs)} comparisons {_share(bounded, len(pairs))} shown to be greater by at most "
         f"{margin:.0%} (one-sided Welch) and {_share(greater, len(pairs))} significantly greater "
-        f"(Welch, Holm; {_runs(pairs)}{_in(unit)}): {'; '.join(map(str, pairs))}.",
-        {"bounded": bounded, "greater": greater},
+        f"{'by more than that ' if tolerant else ''}(Welch, corrected for their number; "
+        f"{_runs(pairs)}{_in(unit)}); {lead}{'; '.join(map(str, shown))}.",
+        {"bounded": bounded, "greater": int(greater)},
     )
+
+
+def _clearest(pairs: Sequence[Pair], size: Sequence[float]) -> tuple[str, Sequence[Pair]]:
+    """All pairs if they are few, else the one of the largest difference, and what to call it."""
+    if len(pairs) <= 6:
+        return "", pairs
+    return "the clearest difference: ", [pairs[int(np.argmax(size))]]
 
 
 def positive(contrasts: Mapping[str, tuple[float, float]], what: str) -> Finding:

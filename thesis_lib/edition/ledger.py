@@ -10,8 +10,8 @@ written from here.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from importlib import import_module
 from pathlib import Path
@@ -99,6 +99,9 @@ class Claim:
         which is not counted as evidence.
     ours
         Whether the thesis only implies it, and the words are ours.
+    rests_on
+        Ids of claims, of any chapter, that this one repeats or sums up; they judge it, and it is
+        not counted again.
     at
         Label of the section of our book where it is tested.
     figure
@@ -114,8 +117,32 @@ class Claim:
     headline: bool = False
     kind: Literal["evidence", "identity"] = "evidence"
     ours: bool = False
+    rests_on: tuple[str, ...] = ()
     at: str = ""
     figure: str = ""
+
+    def resting_on(self, parts: Sequence[Claim]) -> Claim:
+        """The claim judged by those it rests on, given in order.
+
+        One passes its finding on; of several the claim is reproduced or refuted if all are, and
+        right in direction only if some are reproduced or are so.
+        """
+        experiments = tuple(dict.fromkeys(e for part in parts for e in part.experiments))
+
+        def judge(tables: Tables) -> Finding:
+            found = [part.judge(tables) for part in parts]
+            if len(found) == 1:
+                return found[0]
+            verdicts = {f.verdict for f in found}
+            some = {Verdict.REPRODUCED, Verdict.DIRECTION} & verdicts
+            verdict = Verdict.DIRECTION if some else Verdict.NOT_REPRODUCED
+            told = "; ".join(
+                f"{part.statement.removesuffix('.')}: {f.verdict}"
+                for part, f in zip(parts, found, strict=True)
+            )
+            return Finding(verdicts.pop() if len(verdicts) == 1 else verdict, f"{told}.")
+
+        return replace(self, experiments=experiments, judge=judge)
 
 
 @dataclass(frozen=True)
@@ -256,14 +283,24 @@ def _claim(told: dict[str, Any], criteria: dict[str, Criterion]) -> Claim:
     """A claim from its words; its criterion is taken out of those given."""
     reason = told.pop("not_testable", None)
     own = criteria.pop(told["id"], None)
-    if (own is None) == (reason is None):
+    rests_on = tuple(told.pop("rests_on", ()))
+    if (own is not None) + (reason is not None) + bool(rests_on) != 1:
         raise RuntimeError(
-            f"claim {told['id']!r} must have exactly one of a criterion and a `not_testable`."
+            f"claim {told['id']!r} must have exactly one of a criterion, a `not_testable` and a "
+            "`rests_on`."
         )
+    if rests_on:
+        told["criterion"] = f"That of {' and '.join(f'`{x}`' for x in rests_on)}."
+        # chapters.claims() finds the claims, which may be another chapter's.
+        return Claim(**told, experiments=(), judge=_unresolved, rests_on=rests_on)
     if own is None:
         finding = Finding(Verdict.NOT_TESTABLE, str(reason))
         return Claim(**{"criterion": "None.", **told}, experiments=(), judge=lambda tables: finding)
     return Claim(**told, experiments=own.needs, judge=own.of)
+
+
+def _unresolved(tables: Tables) -> Finding:
+    raise RuntimeError("a claim that rests on others is judged through chapters.claims() only.")
 
 
 def _difference(

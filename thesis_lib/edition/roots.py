@@ -141,7 +141,7 @@ def code_of_claim(claim: Claim, budget: str) -> str:
     judge = owner.function if isinstance(owner, Criterion) else claim.judge
     known = [_experiments()[e] for e in claim.experiments]
     configs = [repr(e.config(budget)) for e in known]
-    return _digest([judge, *(e.function for e in known)], *configs)
+    return _digest([judge, *(e.function for e in known)], *claim.rests_on, *configs)
 
 
 def _digest(

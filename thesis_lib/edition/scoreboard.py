@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 from typing import TypeVar
 
@@ -107,6 +109,7 @@ def _tally(judged: list[Judgement]) -> list[str]:
     evidence = [j for j in judged if _counts(j)]
     identities = sum(j.claim.kind == "identity" and not j.claim.ours for j in judged)
     ours = sum(j.claim.ours for j in judged)
+    repeated = sum(bool(j.claim.rests_on) for j in judged)
     lines = [
         f"| verdict | meaning | {' | '.join(_CLASSES)} | claims |",
         f"| :-- | :-- | {'--: | ' * len(_CLASSES)}--: |",
@@ -122,7 +125,7 @@ def _tally(judged: list[Judgement]) -> list[str]:
         f"| | all that evidence decides {'| ' * len(_CLASSES)}| {len(evidence)} |",
         "",
         f"Besides these, {identities} claims are proofs or arithmetic, which no experiment can "
-        f"deny, and {ours} are our own.",
+        f"deny, {repeated} repeat or sum up others, and {ours} are our own.",
         "",
     ]
 
@@ -141,8 +144,9 @@ def _frequency_class(judgement: Judgement) -> str:
 
 
 def _counts(judgement: Judgement) -> bool:
-    """Whether a claim is the thesis's own and evidence decides it."""
-    return not judgement.claim.ours and judgement.claim.kind == "evidence"
+    """Whether a claim is the thesis's own, no repetition, and decided by evidence."""
+    claim = judgement.claim
+    return not claim.ours and not claim.rests_on and claim.kind == "evidence"
 
 
 def _row(j: Judgement) -> list[str]:
@@ -214,11 +218,43 @@ def findings_markdown(results: Path | str, *, draft: bool = False) -> str:
     return "\n".join([*lines, ""])
 
 
+def questions_markdown(results: Path | str, *, draft: bool = False) -> str:
+    """The research questions, each answered by the thesis and from the ledger, as MyST Markdown.
+
+    Raises
+    ------
+    ValueError
+        For an answer that names a claim which is not there.
+    """
+    told = {j.claim.id: f"*{j.told()}*" for j in judge_all(results, draft=draft)}
+
+    def verdict(found: re.Match[str]) -> str:
+        if found[1] not in told:
+            raise ValueError(f"questions.toml names a claim {found[1]!r}, which is not there.")
+        return told[found[1]]
+
+    lines = []
+    for row in _questions():
+        ours = re.sub(r"\{([^}]+)\}", verdict, row["ours"].strip())
+        lines += [f"### {row['text']}", "", f"**The thesis.** {row['thesis']}", ""]
+        lines += [f"**This edition.** {ours}", ""]
+    return "\n".join(lines)
+
+
+def _questions() -> list[dict[str, str]]:
+    file = resources.files("thesis_lib.chapter6") / "questions.toml"
+    found: list[dict[str, str]] = tomllib.loads(file.read_text(encoding="utf-8"))["question"]
+    return found
+
+
 def _by_chapter(items: Iterable[ItemT], section: Callable[[ItemT], str]) -> list[ItemT]:
-    """Items of one chapter together, chapters in the order of their first item."""
-    listed = list(items)
-    order = list(dict.fromkeys(_chapter_of(section(item)) for item in listed))
-    return sorted(listed, key=lambda item: order.index(_chapter_of(section(item))))
+    """Items of one chapter together: chapters by number, then appendices, then the summary."""
+
+    def place(item: ItemT) -> tuple[bool, str]:
+        chapter = _chapter_of(section(item))
+        return not chapter.startswith("Chapter"), chapter
+
+    return sorted(items, key=place)
 
 
 def _chapter_of(section: str) -> str:
