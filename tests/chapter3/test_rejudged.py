@@ -6,6 +6,7 @@ import pytest
 
 from thesis_lib.chapter3 import (
     covering_tour,
+    figure_3_3,
     huddle,
     level_or_order,
     levels,
@@ -153,3 +154,11 @@ def test_averaged_weights_by_hand() -> None:
     # Errors: pair (1, 1) gets 2 + 1 for 2, pair (1, 0) gets 2 for 3; each counts a half.
     assert found.numbers["printed"] == pytest.approx((1 + 1) / 2)
     assert found.verdict is Verdict.REFUTED
+
+
+def test_power_by_hand() -> None:
+    """Two samples of 12 whose means lie 1.2 standard deviations apart: textbooks say .80."""
+    rows = [{"potential": p, "mean_return": m} for p, m in (("Q_star", 0.0), ("Q_mu", 1.2))]
+    table = pd.DataFrame(rows).assign(epsilon=0.01, sd=1.0, n_runs=500)
+    assert figure_3_3.power(table, 12) == pytest.approx(0.80, abs=0.01)
+    assert figure_3_3.power(table.assign(mean_return=0.0), 12) == pytest.approx(0.05)

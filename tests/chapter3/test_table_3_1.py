@@ -100,3 +100,9 @@ def test_the_fit_is_told_at_its_best_and_at_the_text():
     told = readings.fitted_reading(curve)
     assert "best at 600 episodes (chi-square 12, p = 0.45)" in told
     assert "is 900 (p < 0.001, worst entry 10 standard errors off)" in told
+
+
+def test_what_a_constant_earns_is_told_for_every_part():
+    told = table_3_1.control(table(cliff(constant=1.0)))
+    assert told.count("±") == 4
+    assert "+1.00 ± 0.28 (Q-learning without sensor)" in told

@@ -1,6 +1,6 @@
 """A Sphinx extension that checks the names of this package that prose mentions.
 
-``{func}`~thesis_lib.potentials.q_star_d``` prints as code.  There is no index of the package's
+``{func}`~thesis_lib.potentials.q_star``` prints as code.  There is no index of the package's
 names in the book to link to, so the name is looked up in the package itself; one that does not
 exist there stays unresolved, and the build fails.
 """

@@ -7,6 +7,7 @@ from itertools import combinations
 
 import pandas as pd
 from matplotlib.figure import Figure
+from scipy import stats
 
 from thesis_lib.chapter3.runs import (
     POTENTIALS,
@@ -82,6 +83,17 @@ def all_but_one(table: pd.DataFrame) -> Finding:
     alike = ("Q_tilde", "Q_mu")
     names = [pair for pair in combinations(("none", *SHAPED), 2) if pair != alike]
     return differ_but_one([compared(best, a, b) for a, b in names], compared(best, *alike))
+
+
+def power(table: pd.DataFrame, runs: int) -> float:
+    """Chance that so many runs a point show Q^mu's difference from Q*, at 5% (two-sided t)."""
+    best = at_best(table[table.epsilon == 0.01])
+    pair = compared(best, "Q_mu", "Q_star")
+    sd = (pair.first.sd**2 + pair.second.sd**2) ** 0.5
+    shift = abs(pair.first.mean - pair.second.mean) * runs**0.5 / sd
+    dof = 2 * runs - 2
+    limit = stats.t.isf(0.025, dof)
+    return float(stats.nct.sf(limit, dof, shift) + stats.nct.cdf(-limit, dof, shift))
 
 
 def figure(table: pd.DataFrame) -> Figure:

@@ -19,10 +19,11 @@ from thesis_lib.edition.criteria import Pair, equivalent, near_printed, no_great
 from thesis_lib.edition.experiment import Context, experiment, returns
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import COLOURS, PRINTED
-from thesis_lib.edition.words import several
+from thesis_lib.edition.words import number, several
 from thesis_lib.mdp.greedy import Exploration
 from thesis_lib.mdp.learning import Method, learn
 from thesis_lib.potentials.cross_task_policy import GeneticAlgorithm
+from thesis_lib.stats import welch
 
 UNIT = 1e4
 """The thesis prints its numbers in units of 10^4."""
@@ -275,6 +276,20 @@ def q_mu_is_poor(table: pd.DataFrame) -> Finding:
         verdict = Verdict.DIRECTION
     return Finding(
         verdict, f"{finding.evidence} With Q^μ the thesis prints {prints}.", finding.numbers
+    )
+
+
+def control(table: pd.DataFrame) -> str:
+    """What a constant potential earns over no shaping, by learner and sensor."""
+    tests = {}
+    for s, a in product((False, True), ("q_learning", "sarsa")):
+        pair = _pair(table, ("constant", a, s), ("none", a, s))
+        where = f"{LEARNERS[a]} {'with' if s else 'without'} sensor"
+        tests[where] = welch(pair.first, pair.second)
+    return several(
+        f"{number(t.difference, (t.high - t.low) / 2, sign=True)} ± "
+        f"{number((t.high - t.low) / 2, (t.high - t.low) / 2)} ({where})"
+        for where, t in tests.items()
     )
 
 

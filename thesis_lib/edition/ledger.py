@@ -250,8 +250,8 @@ def read_chapter(package: ModuleType) -> Chapter:
     Raises
     ------
     RuntimeError
-        If a claim has not exactly one of a criterion and a reason why it cannot be tested, or
-        a difference not exactly one effect.
+        If a claim has no criterion, no reason why it cannot be tested and none to rest on, or a
+        difference not exactly one effect.
     """
     modules = [import_module(f"{package.__name__}.{name}") for name in package.RESULTS]
     found = [item for module in modules for item in vars(module).values()]
@@ -284,18 +284,24 @@ def _claim(told: dict[str, Any], criteria: dict[str, Criterion]) -> Claim:
     reason = told.pop("not_testable", None)
     own = criteria.pop(told["id"], None)
     rests_on = tuple(told.pop("rests_on", ()))
-    if (own is not None) + (reason is not None) + bool(rests_on) != 1:
+    if (own is not None or reason is not None) + bool(rests_on) != 1:
         raise RuntimeError(
-            f"claim {told['id']!r} must have exactly one of a criterion, a `not_testable` and a "
-            "`rests_on`."
+            f"claim {told['id']!r} must have a criterion or a `not_testable`, or else a `rests_on`."
         )
     if rests_on:
         told["criterion"] = f"That of {' and '.join(f'`{x}`' for x in rests_on)}."
         # chapters.claims() finds the claims, which may be another chapter's.
         return Claim(**told, experiments=(), judge=_unresolved, rests_on=rests_on)
-    if own is None:
-        finding = Finding(Verdict.NOT_TESTABLE, str(reason))
-        return Claim(**{"criterion": "None.", **told}, experiments=(), judge=lambda tables: finding)
+    if reason is not None:
+
+        def illustrated(tables: Tables) -> Finding:
+            """Not testable; what a criterion finds besides is an illustration."""
+            shown = f" {own.of(tables).evidence}" if own else ""
+            return Finding(Verdict.NOT_TESTABLE, f"{reason}{shown}")
+
+        needs = own.needs if own else ()
+        return Claim(**{"criterion": "None.", **told}, experiments=needs, judge=illustrated)
+    assert own is not None
     return Claim(**told, experiments=own.needs, judge=own.of)
 
 
