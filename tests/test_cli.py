@@ -199,7 +199,7 @@ def test_a_checkout_that_cannot_be_written_to(command, tmp_path):
     arguments = {
         "book": ["book", "--budget", "smoke"],
         "list": ["list"],
-        "run": ["run", "tasks-5.1", "--budget", "smoke"],
+        "run": ["run", "ch5-tasks", "--budget", "smoke"],
     }[command]
     (tmp_path / "tmp").mkdir()
     nowhere = dict.fromkeys(("HOME", "XDG_CACHE_HOME", "MPLCONFIGDIR"), str(copy))

@@ -9,7 +9,7 @@ from thesis_lib.chapter5 import calibration, contrasts, table_5_6
 from thesis_lib.chapter5.contrasts import Config
 from thesis_lib.edition.ledger import Verdict, read_chapter
 
-CHAPTER = read_chapter(chapter5)
+CHAPTER = read_chapter(chapter5, chapter5.BENCHMARK)
 CLAIMS = {claim.id: claim for claim in CHAPTER.claims}
 WORLDS = {"thesis": THESIS, "null": NULL, "opposite": OPPOSITE}
 

@@ -68,8 +68,8 @@ def by_policy(config: Config, context: Context) -> list[Value]:
         domain = figure_a1(config.penalty, gamma)
         for p_b in np.linspace(0, 1, config.policies):
             found = state_values(domain, policy(domain, p_b))
-            tasks = found.task[:, 0]
-            records.append(Value(gamma, config.penalty, p_b, *tasks, value=found.domain[0]))
+            first, second = found.task[:, 0]
+            records.append(Value(gamma, config.penalty, p_b, first, second, value=found.domain[0]))
     return records
 
 

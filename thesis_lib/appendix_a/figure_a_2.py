@@ -89,19 +89,19 @@ def by_policy(config: Config, context: Context) -> list[Value]:
     records = []
     for second, weighting, gamma in product(config.second, config.weightings, config.discounts):
         domain = figure_a2(second, discount=gamma)
-        kinds = (bool(domain.present.all()), *map(_ergodic, tabular(domain)))
+        same = bool(domain.present.all())
+        ergodic_1, ergodic_2 = map(_ergodic, tabular(domain))
         for p_b in np.linspace(0, 1, config.policies):
             found = state_values(domain, policy(domain, p_b), weighting)
-            records += [
-                Value(
-                    *(second, weighting, gamma, p_b, s + 1),
-                    *found.task[:, s],
-                    *found.weight[:, s],
-                    found.domain[s],
-                    *kinds,
+            for s in range(domain.n_observations):
+                (task_1, task_2), (weight_1, weight_2) = found.task[:, s], found.weight[:, s]
+                records.append(
+                    Value(
+                        *(second, weighting, gamma, p_b, s + 1),
+                        *(task_1, task_2, weight_1, weight_2, found.domain[s]),
+                        *(same, ergodic_1, ergodic_2),
+                    )
                 )
-                for s in range(domain.n_observations)
-            ]
     return records
 
 

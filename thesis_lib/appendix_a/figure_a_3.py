@@ -80,15 +80,10 @@ def by_policy(config: Config, context: Context) -> list[Value]:
         found = state_values(domain, mu, "occupancy")
         at_start = float(start.value(mu))
         per_step = (1 - config.discount) * float(average.value(mu))
-        records += [
-            Value(
-                *(p_b, s + 1),
-                *found.task[:, s],
-                *found.weight[:, s],
-                *(found.domain[s], at_start, per_step),
-            )
-            for s in range(STATES)
-        ]
+        for s in range(STATES):
+            (task_1, task_2), (weight_1, weight_2) = found.task[:, s], found.weight[:, s]
+            values = (task_1, task_2, weight_1, weight_2, found.domain[s])
+            records.append(Value(p_b, s + 1, *values, at_start, per_step))
     return records
 
 

@@ -60,7 +60,9 @@ class Setting:
     """p(B) from which V(s2) is above 0; empty when it never is."""
 
 
-def setting(p_b: FloatArray, value: FloatArray, *numbers: float) -> Setting:
+def setting(
+    p_b: FloatArray, value: FloatArray, discount: float, detour: float, gain: float
+) -> Setting:
     """Which statements of the proof hold of curves of domain values.
 
     Parameters
@@ -69,15 +71,17 @@ def setting(p_b: FloatArray, value: FloatArray, *numbers: float) -> Setting:
         Probabilities of B, rising from 0 to 1, shape ``(P,)``.
     value
         Domain values, shape ``(P, 4)``.
-    *numbers
-        Discount, detour and gain.
+    discount, detour, gain
+        With which they were made.
     """
     step = np.diff(value, axis=0)
     highest = value.max(axis=0)
     best = np.isclose(value, highest, rtol=0, atol=1e-12 * max(1.0, np.abs(value).max()))
     turn = crossing(p_b, value[:, 1])
     return Setting(
-        *numbers,
+        discount,
+        detour,
+        gain,
         conflict=not best.all(axis=1).any(),
         first_step=bool((step[0, :3] < 0).all() and step[0, 3] > 0),
         state_4_rises=bool((step[:, 3] > 0).all()),

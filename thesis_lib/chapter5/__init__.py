@@ -1,11 +1,44 @@
-"""Chapter 5's benchmark, sections 5.4 to 5.7 and appendix C: one file a result.
+"""Chapter 5, Benchmarking Recurrent Architectures for Robust Continuous Control.
 
-Each result takes the printed numbers always, and our own runs where a results store has them
-(``runs``); the claims' words stand in ``claims.toml``.  What several results need is in ``cells``
-(the grid as numbers), ``contrasts`` (differences between nets), ``cell_table`` and ``judging``.
+One file a result: its config with the budgets, the experiment, the criteria of the claims its
+table decides, and its figure; the claims' words stand in ``claims.toml``.  The results are those
+of two pages.  What several need is in ``networks``, ``open_loop``, ``committed`` and, of the
+benchmark, ``cells`` (the grid as numbers), ``contrasts`` (differences between nets),
+``cell_table``, ``judging`` and ``runs``; pictures are in ``architecture_drawing`` and
+``pictures``.  The benchmark's results take the printed numbers always, and our own runs where a
+results store has them.
 """
 
-RESULTS = (
+NETWORKS = (
+    "tasks",
+    "ground",
+    "untrained",
+    "first_means",
+    "recovery",
+    "identities",
+    "sizes",
+    "responses",
+    "gain",
+    "gaits",
+    "learned_time_constants",
+    "gain_trained",
+    "integrators",
+    "gradients",
+    "stability",
+    "memory",
+    "reservoirs",
+    "score",
+    "noise",
+    "open_loop_tests",
+    "live",
+    "nine_networks",
+    "options",
+    "peers",
+    "precision",
+)
+"""Results of the page on worlds, networks and learning, in its order."""
+
+BENCHMARK = (
     "calibration",
     "contrasts",
     "table_5_2",
@@ -18,4 +51,7 @@ RESULTS = (
     "study_hills",
     "study_seeds",
 )
-"""The chapter's results, in its order."""
+"""Results of the page on the benchmark, sections 5.4 to 5.7 and appendix C, in its order."""
+
+RESULTS = NETWORKS + BENCHMARK
+"""The chapter's results."""

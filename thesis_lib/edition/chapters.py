@@ -19,10 +19,6 @@ from thesis_lib.edition.ledger import Chapter, Claim, Difference, read_chapter
 CHAPTERS = ("chapter2", "chapter3", "appendix_a", "chapter4", "chapter5", "chapter6")
 """In the order in which they are listed."""
 
-LEDGERS = {"chapter5": ("chapter5", "learning")}
-"""Modules of ``thesis_lib.claims`` that hold the claims of a chapter of the old form, where
-they are not one of the chapter's own name."""
-
 ItemT = TypeVar("ItemT", Experiment[Any], Claim, Difference)
 
 
@@ -32,14 +28,9 @@ def chapter(name: str) -> Chapter:
     if _is_package(f"thesis_lib.{name}"):
         parts.append(read_chapter(import_module(f"thesis_lib.{name}")))
     if _is_package(f"thesis_lib.experiments.{name}"):
-        ledgers = [import_module(f"thesis_lib.claims.{m}") for m in LEDGERS.get(name, (name,))]
-        parts.append(
-            Chapter(
-                import_module(f"thesis_lib.experiments.{name}").EXPERIMENTS,
-                tuple(chain.from_iterable(m.CLAIMS for m in ledgers)),
-                tuple(chain.from_iterable(m.DIFFERENCES for m in ledgers)),
-            )
-        )
+        ledger = import_module(f"thesis_lib.claims.{name}")
+        found = import_module(f"thesis_lib.experiments.{name}").EXPERIMENTS
+        parts.append(Chapter(found, ledger.CLAIMS, ledger.DIFFERENCES))
     return Chapter(
         tuple(chain.from_iterable(part.experiments for part in parts)),
         tuple(chain.from_iterable(part.claims for part in parts)),

@@ -244,8 +244,9 @@ def experiment(
     book: ConfigT,
     thesis: ConfigT | None = None,
     seconds: float,
+    columns: Mapping[str, str] | None = None,
     was: str = "",
-) -> Callable[[Callable[[ConfigT, Context], Sequence[Any]]], Experiment[ConfigT]]:
+) -> Callable[[Callable[[ConfigT, Context], Any]], Experiment[ConfigT]]:
     """Make an experiment of a function from a config and a context to rows.
 
     The function's first line is the title; the dataclass in its return annotation, such as
@@ -257,14 +258,17 @@ def experiment(
         See :class:`Experiment`.
     smoke, book, thesis
         The config at each budget; without ``thesis`` the thesis ran what the book does.
+    columns
+        Of a function that returns a table whose columns are documented elsewhere, and not rows.
     """
 
-    def make(function: Callable[[ConfigT, Context], Sequence[Any]]) -> Experiment[ConfigT]:
-        (row,) = get_args(get_type_hints(function)["return"])
+    def make(function: Callable[[ConfigT, Context], Any]) -> Experiment[ConfigT]:
+        row = None if columns else get_args(get_type_hints(function)["return"])[0]
 
         @wraps(function)
         def table(config: ConfigT, context: Context) -> pd.DataFrame:
-            return table_of(row, function(config, context))
+            found = function(config, context)
+            return found if row is None else table_of(row, found)
 
         return Experiment(
             id=identifier,
@@ -272,7 +276,7 @@ def experiment(
             title=(function.__doc__ or "").partition("\n")[0],
             function=table,
             budgets={"smoke": smoke, "book": book, "thesis": book if thesis is None else thesis},
-            columns=columns_of(row),
+            columns=dict(columns or {}) if row is None else columns_of(row),
             seconds=seconds,
             was=was,
         )

@@ -239,13 +239,15 @@ class Chapter:
     differences: tuple[Difference, ...]
 
 
-def read_chapter(package: ModuleType) -> Chapter:
+def read_chapter(package: ModuleType, results: Sequence[str] | None = None) -> Chapter:
     """Bring a chapter's results and the words in its ``claims.toml`` together.
 
     Parameters
     ----------
     package
         Such as ``thesis_lib.chapter3``; its ``RESULTS`` are the names of its modules in order.
+    results
+        Only these of its modules; what the others judge and tell is then left out.
 
     Raises
     ------
@@ -253,15 +255,24 @@ def read_chapter(package: ModuleType) -> Chapter:
         If a claim has no criterion, no reason why it cannot be tested and none to rest on, or a
         difference not exactly one effect.
     """
-    modules = [import_module(f"{package.__name__}.{name}") for name in package.RESULTS]
+    chosen = package.RESULTS if results is None else results
+    modules = [import_module(f"{package.__name__}.{name}") for name in chosen]
     found = [item for module in modules for item in vars(module).values()]
     file = Path(str(package.__file__)).with_name("claims.toml")
     words = tomllib.loads(file.read_text(encoding="utf-8"))
     criteria = _only_one(x for x in found if isinstance(x, Criterion))
     effects = _only_one(x for x in found if isinstance(x, Effect))
-    claims = tuple(_claim(told, criteria) for told in words.get("claim", ()))
+    claims = tuple(
+        _claim(told, criteria)
+        for told in words.get("claim", ())
+        if results is None or told["id"] in criteria
+    )
     known = {claim.id: claim for claim in claims}
-    differences = tuple(_difference(x, effects, known) for x in words.get("difference", ()))
+    differences = tuple(
+        _difference(told, effects, known)
+        for told in words.get("difference", ())
+        if results is None or told["id"] in effects or told.get("claim") in known
+    )
     for kind, unused in (("claim", criteria), ("difference", effects)):
         if unused:
             raise RuntimeError(f"claims.toml has no {kind} {next(iter(unused))!r}.")

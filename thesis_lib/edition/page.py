@@ -329,7 +329,11 @@ class Page:
         )
 
 
-def start(namespace: Mapping[str, Any], chapter: ModuleType | None = None) -> Page:
+def start(
+    namespace: Mapping[str, Any],
+    chapter: ModuleType | None = None,
+    results: Sequence[str] | None = None,
+) -> Page:
     """Check the parameters of the running notebook and prepare its session.
 
     Parameters
@@ -339,6 +343,8 @@ def start(namespace: Mapping[str, Any], chapter: ModuleType | None = None) -> Pa
         parameters cell, and IPython's record of the cells run so far.
     chapter
         The chapter whose claims the page judges, such as ``thesis_lib.chapter3``.
+    results
+        Those of the chapter's modules that the page is about, where it has another page too.
 
     Returns
     -------
@@ -356,7 +362,7 @@ def start(namespace: Mapping[str, Any], chapter: ModuleType | None = None) -> Pa
             f"the parameters cell did not set {', '.join(missing)}; run it before this cell."
         )
     _check_injected(namespace.get("In", ()))
-    found = Chapter((), (), ()) if chapter is None else read_chapter(chapter)
+    found = Chapter((), (), ()) if chapter is None else read_chapter(chapter, results)
     page = Page(
         *(namespace["budget"], namespace["seed"], namespace["workers"]),
         claims={claim.id: claim for claim in found.claims},

@@ -7,18 +7,15 @@ import pandas as pd
 import pytest
 import torch
 
-from thesis_lib.book import architectures as show
-from thesis_lib.claims import Claim, Verdict
-from thesis_lib.claims.chapter5 import CLAIMS
+from thesis_lib.chapter5 import first_means, gain_trained, gaits, live, memory, options
+from thesis_lib.chapter5.gaits import gait_frequency
+from thesis_lib.chapter5.networks import GAIT, gain_shares, untrained_net
+from thesis_lib.chapter5.open_loop import NAME, Search, find_gait
 from thesis_lib.edition.experiment import Context
-from thesis_lib.experiments.chapter5.architectures import GAIT, untrained_net
-from thesis_lib.experiments.chapter5.first_means import SECTION_5_4_FIRST_MEANS, FirstMeansConfig
-from thesis_lib.experiments.chapter5.gaits import SECTION_5_5_2_GAITS, GaitsConfig, beat
-from thesis_lib.experiments.chapter5.live import LiveConfig, trained
-from thesis_lib.experiments.chapter5.memory import growth_at_rest
-from thesis_lib.experiments.chapter5.untrained import Search, find_metronome
+from thesis_lib.edition.ledger import Verdict
 from thesis_lib.optimisation import collect
 from thesis_lib.policies import make_policy
+from thesis_lib.policies.response import growth_at_rest
 from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.parts import make_batch_task, make_run_policy
 
@@ -26,51 +23,53 @@ torch.set_num_threads(1)
 
 
 # ----------------------------------------------------------------------------------------- gaits
-def test_beat_is_the_frequency_of_the_largest_swing() -> None:
+def test_a_gait_is_the_frequency_of_the_largest_swing() -> None:
     time = np.arange(0, 10, 0.02)
     large = np.sin(2 * np.pi * 1.7 * time)
     small = 0.5 * np.sin(2 * np.pi * 3.1 * time + 1)
-    drift = 5 * time  # a joint that only turns beats nothing
-    assert beat(np.stack([large, small, drift], axis=1), 0.02) == pytest.approx(1.7, abs=0.02)
-    # slower than what counts as a beat
+    drift = 5 * time  # a joint that only turns has none
+    assert gait_frequency(np.stack([large, small, drift], axis=1), 0.02) == pytest.approx(
+        1.7, abs=0.02
+    )
+    # slower than what counts as a gait
     slow = 9 * np.sin(2 * np.pi * 0.1 * time)
-    assert beat(np.stack([slow + small], axis=1), 0.02) == pytest.approx(3.1, abs=0.05)
+    assert gait_frequency(np.stack([slow + small], axis=1), 0.02) == pytest.approx(3.1, abs=0.05)
 
 
-def test_beat_needs_time() -> None:
+def test_a_gait_needs_time() -> None:
     with pytest.raises(ValueError, match="too few"):
-        beat(np.zeros((399, 2)), 0.02)
-    beat(np.random.default_rng(0).standard_normal((400, 2)), 0.02)
+        gait_frequency(np.zeros((399, 2)), 0.02)
+    gait_frequency(np.random.default_rng(0).standard_normal((400, 2)), 0.02)
 
 
-def test_joints_swing_as_the_metronome_beats() -> None:
+def test_joints_swing_as_the_gait_says() -> None:
     search = Search(generations=3, population=12, elite=4, seconds=1.0)
-    learner = LiveConfig(iterations=1, batch_steps=100, horizon=50, seeds=1)
-    config = GaitsConfig(search, 1, learner, worlds=2)
-    table = SECTION_5_5_2_GAITS.run(config=config).table
+    learner = live.Config(iterations=1, batch_steps=100, horizon=50, seeds=1)
+    config = gaits.Config(search, 1, learner, worlds=2)
+    table = gaits.episodes.run(config=config).table
     assert len(table) == 2 * (5 + 1)
-    swimmer = table[(table.robot == "Swimmer") & (table.controller == "metronome")]
+    swimmer = table[(table.robot == "Swimmer") & (table.controller == NAME)]
     # a snake in a thick fluid follows its motors
-    drive = find_metronome("Swimmer", search, 0, 0).frequency
+    drive = find_gait("Swimmer", search, 0, 0).frequency
     np.testing.assert_allclose(swimmer.frequency, drive, atol=0.05)
     np.testing.assert_allclose(swimmer.seconds, 12)
-    # a walker on open-loop sines falls long before it has beaten twice
+    # a walker on open-loop sines falls long before two cycles
     fallen = table[table.robot == "Walker2d"]
     assert fallen.frequency.isna().all()
     assert (fallen.seconds < 10).all()
 
 
 def test_live_runs_are_made_once() -> None:
-    run = LiveConfig(iterations=1, batch_steps=100, horizon=50).run(4)
-    assert trained(run) is trained(run)
-    assert trained(run).iteration == 1
+    run = live.Config(iterations=1, batch_steps=100, horizon=50).run(4)
+    assert live.trained(run) is live.trained(run)
+    assert live.trained(run).iteration == 1
 
 
 def test_the_gait_band_is_one_for_page_and_claims() -> None:
     frequency = np.array([0.4, GAIT / 1.25, GAIT / 1.19, GAIT, 1.19 * GAIT, 1.25 * GAIT, 10.1])
     own = pd.DataFrame({"seed": 0, "frequency": frequency, "gain": [4, 99, 1, 2, 3, 99, 1.0]})
-    gait, fast, ratio = show.gain_shares(own)
-    assert (gait[0], fast[0], ratio[0]) == (0.5, 0.25, 0.5)
+    shares = gain_shares(own)
+    assert shares.loc[0].to_dict() == {"gait": 0.5, "noise": 0.25, "ratio": 0.5}
 
 
 def test_gains_after_training_are_told_at_the_gait_asked_for() -> None:
@@ -80,30 +79,30 @@ def test_gains_after_training_are_told_at_the_gait_asked_for() -> None:
         for f, gain in ((0.2, 1.0), (2.0, 0.8 * scale), (4.0, 0.4 * scale), (20.0, 0.2 * scale))
     ]
     table = pd.DataFrame(rows, columns=["stage", "frequency", "gain"]).assign(net="GRU", seed=0)
-    row = show.trained_table(table, 4.0).iloc[0].str.replace("\N{WORD JOINER}", "")
+    row = gain_trained.shown(table, 4.0).iloc[0].str.replace("\N{WORD JOINER}", "")
     assert row["about 4 Hz"] == "0.40 → 0.20 (0.20–0.20)"
     assert row["noise / gait"] == "0.50 → 0.50 (0.50–0.50)"
 
 
 def test_gaits_and_first_means_are_told_by_their_middle_and_range() -> None:
-    rows = [("Ant", "metronome", f) for f in (0.6, 1.0, 0.7)] + [("Hopper", "metronome", np.nan)]
+    rows = [("Ant", NAME, f) for f in (0.6, 1.0, 0.7)] + [("Hopper", NAME, np.nan)]
     table = pd.DataFrame(rows, columns=["robot", "controller", "frequency"])
     table = table.assign(seconds=10.0, distance=[5.0, 20.0, 12.0, 1.0])
-    made = show.gait_table(table).set_index("robot")
+    made = gaits.shown(table).set_index("robot")
     told = made["frequency [Hz]"].str.replace("\N{WORD JOINER}", "")
     assert told.to_dict() == {"Ant": "0.7 (0.6–1.0)", "Hopper": "–"}
     assert made["speed [m/s]"].to_dict() == {"Ant": "1.2", "Hopper": "–"}
     assert made["fell early"].to_dict() == {"Ant": "0 of 3", "Hopper": "1 of 1"}
-    means = pd.DataFrame({"net": ["gru", "gru"], "rms": [0.4, 0.8], "lean": [0.1, 0.2]})
-    row = show.means_table(means).iloc[0].str.replace("\N{WORD JOINER}", "")
+    means = pd.DataFrame({"architecture": "gru", "rms": [0.4, 0.8], "bias": [0.1, 0.2]})
+    row = first_means.shown(means).iloc[0].str.replace("\N{WORD JOINER}", "")
     assert row.to_list() == ["GRU", "0.60 (0.40–0.80)", "0.15 (0.10–0.20)"]
 
 
 # ----------------------------------------------------------------------------------- first means
 @pytest.mark.parametrize("net", ["dffwd", "ctrnn", "gru"])
 def test_first_means_are_actions_without_their_noise(net: str) -> None:
-    config = FirstMeansConfig(("HalfCheetah",), (net,), 1, 60)
-    row = SECTION_5_4_FIRST_MEANS.run(config=config).table.iloc[0]
+    config = first_means.Config(("HalfCheetah",), (net,), 1, 60)
+    row = first_means.sizes.run(config=config).table.iloc[0]
     run = TrainConfig(task="HalfCheetah", architecture=net, seed=0, batch_steps=60)
     task = make_batch_task(run)
     assert task.n_worlds == 1  # and one episode, so that the noise was drawn row by row
@@ -114,7 +113,7 @@ def test_first_means_are_actions_without_their_noise(net: str) -> None:
     mean = rollouts.actions - noise  # the standard deviation starts at 1
     assert row.steps == len(mean)
     assert row.rms == pytest.approx(np.sqrt((mean**2).mean()), rel=1e-4)
-    assert row.lean == pytest.approx(np.sqrt((mean.mean(axis=0) ** 2).mean()), rel=1e-3)
+    assert row.bias == pytest.approx(np.sqrt((mean.mean(axis=0) ** 2).mean()), rel=1e-3)
 
 
 # ---------------------------------------------------------------------------------------- memory
@@ -145,17 +144,14 @@ def test_growth_at_rest_by_hand() -> None:
 def test_memory_table_tells_unstable_networks_from_slow_ones() -> None:
     rows = [("CTRNN", 50.0, 0.9), ("CTRNN", np.nan, 0.999), ("CTRNN", np.nan, 1.01)]
     table = pd.DataFrame(rows, columns=["net", "steps", "growth"]).assign(seconds=1.0)
-    made = show.memory_table(table).iloc[0]
+    made = memory.shown(table).iloc[0]
     assert made["unstable at rest"] == "1 of 3"
     assert made["of them still feel it"] == "1"
     assert made["stable ones that do"] == "1 of 2"
 
 
 # -------------------------------------------------------------------------------------- settings
-BY_ID: dict[str, Claim] = {claim.id: claim for claim in CLAIMS}
-
-
-def options(**rows: tuple[float, float]) -> dict[str, pd.DataFrame]:
+def changes(**rows: tuple[float, float]) -> pd.DataFrame:
     """The sweep's table: difference from a default of 1000 and Holm's p, by variant."""
     variants = {
         "softplus": "constraint=softplus",
@@ -179,7 +175,7 @@ def options(**rows: tuple[float, float]) -> dict[str, pd.DataFrame]:
         for net, sign in (("dtrnn", -1), ("ctrnn", 1))  # another net must not count
         for name, (gap, p) in rows.items()
     ]
-    return {"section-5.5.1-options": pd.DataFrame(records)}
+    return pd.DataFrame(records)
 
 
 @pytest.mark.parametrize(
@@ -193,7 +189,7 @@ def options(**rows: tuple[float, float]) -> dict[str, pd.DataFrame]:
     ],
 )
 def test_the_claim_on_the_clamp(softplus, exponential, verdict: Verdict) -> None:
-    found = BY_ID["5.2.2-clamp"].judge(options(softplus=softplus, exponential=exponential))
+    found = options.clamp_is_best(changes(softplus=softplus, exponential=exponential))
     assert found.verdict is verdict
     assert "penalty was not tried" in found.evidence
 
@@ -208,10 +204,10 @@ def test_the_claim_on_the_clamp(softplus, exponential, verdict: Verdict) -> None
     ],
 )
 def test_the_claim_on_the_midpoint(euler, verdict: Verdict) -> None:
-    found = BY_ID["5.5.1-midpoint"].judge(options(euler=euler, midpoint=(5, 0.9)))
+    found = options.midpoint_learns_better(changes(euler=euler, midpoint=(5, 0.9)))
     assert found.verdict is verdict
 
 
 def test_claims_on_settings_need_their_sweep() -> None:
     with pytest.raises(ValueError, match="0 rows for the CTRNN"):
-        BY_ID["5.2.2-clamp"].judge(options(euler=(1, 1.0)))
+        options.clamp_is_best(changes(euler=(1, 1.0)))

@@ -7,28 +7,30 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.book import chapter5 as show
-from thesis_lib.claims import Claim, Verdict
-from thesis_lib.claims.chapter5 import CLAIMS, DIFFERENCES
-from thesis_lib.edition.scoreboard import effect
-from thesis_lib.experiments.chapter5.untrained import (
-    BASELINE,
-    METRONOME,
-    NOISE,
-    RECOVERY,
-    SMOKE_SEARCH,
-    Metronome,
-    find_metronome,
+from thesis_lib import chapter5
+from thesis_lib.chapter5 import (
+    ground,
+    noise,
+    open_loop_tests,
+    pictures,
+    recovery,
+    score,
+    tasks,
     untrained,
 )
-from thesis_lib.experiments.chapter5.worlds import STARTS, TASKS, TERRAIN, tops_per_area
+from thesis_lib.chapter5.open_loop import NAME, SMOKE_SEARCH, Gait, find_gait
+from thesis_lib.edition.ledger import Verdict, read_chapter
 from thesis_lib.locomotion import rendering
 from thesis_lib.locomotion.batch import BatchTask
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.locomotion.terrain import HeightField
 
-OPENING = (TASKS, TERRAIN, STARTS, BASELINE, RECOVERY, NOISE, METRONOME)
-BY_ID: dict[str, Claim] = {claim.id: claim for claim in CLAIMS}
+OPENING = (
+    *(tasks.by_robot, ground.maps, ground.starts, untrained.episodes, recovery.runs),
+    *(noise.by_sensor, open_loop_tests.runs),
+)
+CHAPTER = read_chapter(chapter5, chapter5.NETWORKS)
+BY_ID = {claim.id: claim for claim in CHAPTER.claims}
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +48,7 @@ def test_same_seed_same_table_for_any_number_of_workers(experiment, tables) -> N
 
 
 def test_tasks_are_those_of_section_5_1_1(tables) -> None:
-    table = tables["tasks-5.1"].set_index("robot")
+    table = tables["ch5-tasks"].set_index("robot")
     assert table.observation.to_dict() == {
         "Swimmer": 20,
         "Hopper": 20,
@@ -70,11 +72,11 @@ def test_hilltops_are_counted_inside_the_map() -> None:
     heights += 0.01 * np.arange(48).reshape(6, 8)  # a tilt, so that no plain is level
     heights[2, 2], heights[3, 5], heights[0, 4] = 5, 6, 7
     field = HeightField(heights, (3.5, 2.5))
-    assert tops_per_area(field) == pytest.approx(2 / 24)
+    assert ground.tops_per_area(field) == pytest.approx(2 / 24)
 
 
 def test_terrain_of_the_swimmer_is_half_as_high_and_of_the_text_steeper(tables) -> None:
-    by = tables["terrain-5.1"].groupby(["preset", "colour_map", "robot", "difficulty"]).mean()
+    by = tables["ch5-terrain"].groupby(["preset", "colour_map", "robot", "difficulty"]).mean()
     assert by.highest["author", False, "Swimmer", 1.0] == pytest.approx(0.5, rel=0.02)
     assert by.highest["author", False, "Hopper", 1.0] == pytest.approx(1.0, rel=0.02)
     ratio = (
@@ -89,7 +91,7 @@ def test_terrain_of_the_swimmer_is_half_as_high_and_of_the_text_steeper(tables) 
 
 def test_starts_on_the_centred_patch_are_those_on_the_flat(tables) -> None:
     """The same reset noise, so the same depth, to the height field's single precision."""
-    table = tables["starts-5.1"].set_index(["robot", "patch", "map"]).depth.sort_index()
+    table = tables["ch5-starts"].set_index(["robot", "patch", "map"]).depth.sort_index()
     for robot in ROBOTS:
         np.testing.assert_allclose(
             table.loc[robot, "centred"], table.loc[robot, "flat floor"], atol=1e-3
@@ -98,16 +100,16 @@ def test_starts_on_the_centred_patch_are_those_on_the_flat(tables) -> None:
 
 
 def test_baseline_returns_are_the_sum_of_their_parts(tables) -> None:
-    table = tables["baseline-5.1"]
+    table = tables["ch5-untrained"]
     parts = table[["forward", "control", "contact", "alive", "divergence"]].sum(axis=1)
-    np.testing.assert_allclose(parts, table["return"], atol=1e-9)
+    np.testing.assert_allclose(parts, table.episode_return, atol=1e-9)
     hopper = table[table.robot == "Hopper"]
     np.testing.assert_allclose(hopper.alive, 0.1 * hopper.length)
 
 
 def test_untrained_controllers_are_standard_normal_and_each_worlds_own() -> None:
     seeds = np.random.SeedSequence(0).spawn(3)
-    together, alone = untrained("Ant", seeds), untrained("Ant", seeds[1:2])
+    together, alone = (untrained.untrained("Ant", own) for own in (seeds, seeds[1:2]))
     drawn = np.array([together(t) for t in range(400)])
     np.testing.assert_array_equal(drawn[:, 1:2], [alone(t) for t in range(400)])
     # 9600 draws: four standard errors.
@@ -115,32 +117,32 @@ def test_untrained_controllers_are_standard_normal_and_each_worlds_own() -> None
     assert abs(drawn.var() - 1) < 4 * np.sqrt(2 / drawn.size)
 
 
-def test_metronome_beats_as_its_equation_says() -> None:
-    """Swimmer: 40 actions a second, so step 10 of a 1 Hz beat is a quarter turn later."""
-    act = Metronome("Swimmer", 1.0, (0.5, 2.0), (0.0, np.pi / 2), (0.1, 0.0)).controller(2)
+def test_a_gait_swings_as_its_equation_says() -> None:
+    """Swimmer: 40 actions a second, so step 10 of a 1 Hz gait is a quarter turn later."""
+    act = Gait("Swimmer", 1.0, (0.5, 2.0), (0.0, np.pi / 2), (0.1, 0.0)).controller(2)
     np.testing.assert_allclose(act(0), [[0.1, 1.0]] * 2)  # 2 sin(pi/2), clipped to 1
     np.testing.assert_allclose(act(10), [[0.6, 0.0]] * 2, atol=1e-12)
 
 
-def test_metronomes_are_found_again_and_differ_between_searches() -> None:
-    first = find_metronome("Hopper", SMOKE_SEARCH, 3)
-    find_metronome.cache_clear()
-    assert find_metronome("Hopper", SMOKE_SEARCH, 3) == first
-    assert find_metronome("Hopper", SMOKE_SEARCH, 3, 1) != first
+def test_gaits_are_found_again_and_differ_between_searches() -> None:
+    first = find_gait("Hopper", SMOKE_SEARCH, 3)
+    find_gait.cache_clear()
+    assert find_gait("Hopper", SMOKE_SEARCH, 3) == first
+    assert find_gait("Hopper", SMOKE_SEARCH, 3, 1) != first
     assert len(first.amplitude) == len(first.phase) == len(first.offset) == 3
 
 
-def test_search_improves_the_metronome() -> None:
+def test_search_improves_the_gait() -> None:
     """A real but short search for the half-cheetah earns more than its first guess."""
     from dataclasses import replace
 
     budget = replace(SMOKE_SEARCH, population=16, elite=4, seconds=2.0)
     earned = []
     for generations in (1, 8):
-        beat = find_metronome("HalfCheetah", replace(budget, generations=generations), 0)
+        gait = find_gait("HalfCheetah", replace(budget, generations=generations), 0)
         batch = BatchTask("HalfCheetah", 8, seed=1, max_episode_steps=200)
         batch.reset()
-        act = beat.controller(8)
+        act = gait.controller(8)
         for t in range(200):
             step = batch.step(act(t))
         earned.append(step.info.episode_return.mean())
@@ -148,12 +150,13 @@ def test_search_improves_the_metronome() -> None:
 
 
 def test_noise_cannot_touch_a_controller_without_sensors(tables) -> None:
-    table = tables["metronome-5.4"].set_index(["condition", "robot", "search", "run"])
-    np.testing.assert_array_equal(table.loc["noise"]["return"], table.loc["regular"]["return"])
+    table = tables["ch5-open-loop"].set_index(["condition", "robot", "search", "run"])
+    earned = table.episode_return
+    np.testing.assert_array_equal(earned["noise"], earned["regular"])
 
 
 def test_world_contacts_of_the_ant_are_always_zero(tables) -> None:
-    table = tables["noise-5.1"]
+    table = tables["ch5-noise"]
     ant = table[(table.robot == "Ant") & (table.group == "contact force")]
     world = ant[ant.sensor.str.contains("world")]
     assert len(world) == 12  # six entries under two controllers
@@ -169,12 +172,12 @@ def judged(name: str, tables: dict[str, pd.DataFrame] | None = None) -> Verdict:
 
 
 def test_sizes_and_links_are_judged_on_both_sides(tables) -> None:
-    table = tables["tasks-5.1"]
+    table = tables["ch5-tasks"]
     assert judged("5.1-observation-sizes", tables) == Verdict.NOT_REPRODUCED
     assert judged("5.1-links-joints", tables) == Verdict.REFUTED
     right = table.assign(observation=table.observation_printed, links=table.links_printed)
-    assert judged("5.1-observation-sizes", {"tasks-5.1": right}) == Verdict.REPRODUCED
-    assert judged("5.1-links-joints", {"tasks-5.1": right}) == Verdict.REPRODUCED
+    assert judged("5.1-observation-sizes", {"ch5-tasks": right}) == Verdict.REPRODUCED
+    assert judged("5.1-links-joints", {"ch5-tasks": right}) == Verdict.REPRODUCED
 
 
 def terrain_table(**columns) -> pd.DataFrame:
@@ -203,7 +206,7 @@ def terrain_table(**columns) -> pd.DataFrame:
     ],
 )
 def test_terrain_claims_are_judged_on_both_sides(claim, columns, verdict) -> None:
-    assert judged(claim, {"terrain-5.1": terrain_table(**columns)}) == verdict
+    assert judged(claim, {"ch5-terrain": terrain_table(**columns)}) == verdict
 
 
 def noise_rows(angle: float, velocity: float, other: float, zero: float = 0.9) -> pd.DataFrame:
@@ -221,7 +224,7 @@ def noise_rows(angle: float, velocity: float, other: float, zero: float = 0.9) -
                 "zero": zero if group == "contact force" else 0.0,
                 "sigma": 1.0,
             }
-            for controller in ("untrained", "metronome")
+            for controller in ("untrained", NAME)
             for group, sd in kinds.items()
         ]
     )
@@ -242,7 +245,7 @@ def noise_rows(angle: float, velocity: float, other: float, zero: float = 0.9) -
     ],
 )
 def test_noise_claims_are_judged_on_both_sides(claim, table, verdict) -> None:
-    assert judged(claim, {"noise-5.1": table}) == verdict
+    assert judged(claim, {"ch5-noise": table}) == verdict
 
 
 @pytest.mark.parametrize(
@@ -260,10 +263,10 @@ def test_recovery_is_judged_on_both_sides(after, spread, verdict) -> None:
         {
             "robot": "Swimmer",
             "start": np.repeat(["reset", "struggle"], 30),
-            "way": np.r_[2 + 0.1 * z, after + spread * z],
+            "distance": np.r_[2 + 0.1 * z, after + spread * z],
         }
     )
-    assert judged("5.1-swimmer-recovers", {"recovery-5.1": table}) == verdict
+    assert judged("5.1-swimmer-recovers", {"ch5-recovery": table}) == verdict
 
 
 def test_statements_on_the_score_are_exact() -> None:
@@ -274,33 +277,31 @@ def test_statements_on_the_score_are_exact() -> None:
         assert judged(name) == Verdict.REPRODUCED
 
 
-def test_every_difference_says_what_it_changes(tables, tmp_path) -> None:
-    for experiment in OPENING:
-        result = experiment.run("smoke")
-        # Effects are not shown at smoke; a custom config is not hidden.
-        result.provenance["budget"] = "custom"  # type: ignore[index]
-        result.save(tmp_path)
-    for difference in DIFFERENCES:
-        if set(difference.experiments) <= set(tables):
-            told = effect(difference, tmp_path)
-            assert len(told) > 20
-            assert "nan" not in told
+def test_every_difference_says_what_it_changes(tables) -> None:
+    computed = [d for d in CHAPTER.differences if not isinstance(d.effect, str)]
+    rows = [d for d in computed if set(d.experiments) <= set(tables)]
+    assert len(rows) == 9  # eight of these tables, and one of printed ones alone
+    for difference in rows:
+        assert callable(difference.effect)
+        told = difference.effect(tables)
+        assert len(told) > 20
+        assert "nan" not in told
 
 
 # --------------------------------------------------------------------------- figures and scores
 
 
-def test_the_metronomes_rank_is_counted_from_the_top() -> None:
+def test_the_gaits_rank_is_counted_from_the_top() -> None:
     """A controller that nothing can stop and that earns most scores 1 and ranks first."""
     table = pd.DataFrame(
         {
             "robot": "Swimmer",
             "condition": ["regular", "noise", "switch"],
-            "return": [10_000.0, 10_000.0, 1.0],
+            "episode_return": [10_000.0, 10_000.0, 1.0],
         }
     )
-    made = show.score_table(table, ["Swimmer"]).set_index("perturbation")
-    assert made.metronome["noise"] == pytest.approx(1)
+    made = open_loop_tests.scores(table, ["Swimmer"]).set_index("perturbation")
+    assert made[NAME]["noise"] == pytest.approx(1)
     assert made["rank of 8"]["noise"] == 1
     # Of 10000 there is 1 left: 1 (1 - 0.9999); the networks' shares of 10000 are about 0.03.
     assert made["rank of 8"]["switch"] == 8
@@ -310,21 +311,21 @@ def test_where_there_is_no_opengl_the_page_says_so() -> None:
     def fail() -> list[rendering.Image]:
         raise rendering.NoGL("No picture can be drawn because of a test.")
 
-    figure = show.gallery(fail, ["one", "two"])
+    figure = pictures.gallery(fail, ["one", "two"])
     assert "because of a test" in figure.axes[0].texts[0].get_text()
     plt.close(figure)
 
 
 def test_pictures_stand_in_rows_under_their_titles() -> None:
     images = [np.zeros((4, 6, 3), np.uint8)] * 4
-    figure = show.gallery(lambda: images, list("abcd"), columns=3)
+    figure = pictures.gallery(lambda: images, list("abcd"), columns=3)
     assert [ax.get_title() for ax in figure.axes[:4]] == list("abcd")
     assert len(figure.axes) == 6
     plt.close(figure)
 
 
 def test_a_run_across_the_switch_is_told_in_order() -> None:
-    states, ground, told = show.crossing(SMOKE_SEARCH, 0, worlds=2, frames=4)
+    states, ground, told = open_loop_tests.crossing(SMOKE_SEARCH, 0, worlds=2, frames=4)
     assert states.shape == (4, 9)
     assert len(told) == 4
     assert ground.floor == 0.0
@@ -333,13 +334,13 @@ def test_a_run_across_the_switch_is_told_in_order() -> None:
 
 def test_a_robot_on_a_hill_keeps_its_clearance() -> None:
     field = HeightField(np.array([[0.0, 0.0], [2.0, 2.0]]), (5.0, 5.0), z_offset=-0.1)
-    pose = show.on_hills("Ant", field, 1.0, 2.5)
+    pose = pictures.on_hills("Ant", field, 1.0, 2.5)
     # Three quarters up a slope of 2 m, 0.1 m deep, and 0.55 m above it.
     np.testing.assert_allclose(pose[:3], [1.0, 2.5, 1.5 - 0.1 + 0.55])
 
 
 def test_every_perturbation_is_in_the_table() -> None:
-    table = show.perturbation_table()
+    table = score.perturbation_table()
     assert list(table.object) == [
         *("WhiteNoise", "TerrainSwitch", "SensorSubset"),  # the thesis's, then ours
         *("CorrelatedNoise", "SensorFailure", "ActuatorFailure"),

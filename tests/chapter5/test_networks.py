@@ -6,39 +6,32 @@ import pandas as pd
 import pytest
 import torch
 
-from thesis_lib.book import architectures as show
-from thesis_lib.claims import Claim, Verdict
-from thesis_lib.claims.chapter5 import CLAIMS
-from thesis_lib.experiments.chapter5 import sizes
-from thesis_lib.experiments.chapter5.architectures import SECTION_5_2_GAIN, GainConfig
-from thesis_lib.experiments.chapter5.live import SECTION_5_5_1_LIVE, LiveConfig, trained
-from thesis_lib.experiments.chapter5.memory import (
-    OPEN_GATE,
-    SECTION_5_2_3_MEMORY,
-    SECTION_5_2_5_RADIUS,
-    ForgettingConfig,
-    exponent,
+from thesis_lib.chapter5 import (
+    architecture_drawing,
+    gain,
+    identities,
+    live,
+    memory,
+    reservoirs,
+    sizes,
+    stability,
 )
-from thesis_lib.experiments.chapter5.time_constants import (
-    SECTION_5_2_2_GRADIENTS,
-    SECTION_5_2_2_STABILITY,
-    SECTION_5_2_IDENTITIES,
-    GradientsConfig,
-    StabilityConfig,
-    growth,
-)
+from thesis_lib.chapter5 import gradients as adjoint
+from thesis_lib.chapter5.memory import OPEN_GATE
+from thesis_lib.chapter5.reservoirs import exponent
+from thesis_lib.chapter5.stability import growth
+from thesis_lib.edition.ledger import Verdict
 from thesis_lib.policies import CTRNN
 from thesis_lib.training.run import TIMING_COLUMNS
 
 torch.set_num_threads(1)
-BY_ID: dict[str, Claim] = {claim.id: claim for claim in CLAIMS}
 
 
 # ------------------------------------------------------------------------------------ gradients
 @pytest.fixture(scope="module")
 def gradients() -> pd.DataFrame:
-    config = GradientsConfig(seeds=2, ratios=(0.02, 0.04, 0.5))
-    return SECTION_5_2_2_GRADIENTS.run(config=config).table
+    config = adjoint.Config(seeds=2, ratios=(0.02, 0.04, 0.5))
+    return adjoint.gaps.run(config=config).table
 
 
 def test_adjoint_equations_at_the_stages_are_backpropagation(gradients: pd.DataFrame) -> None:
@@ -94,14 +87,14 @@ def test_limits_of_stability_by_hand() -> None:
 
 
 def test_stability_table_has_the_leak_alone() -> None:
-    table = SECTION_5_2_2_STABILITY.run(config=StabilityConfig(seeds=1)).table
+    table = stability.modes.run(config=stability.Config(seeds=1)).table
     alone = table[(table.net == "leak alone") & (table.integrator == "euler")]
     np.testing.assert_allclose(alone.growth, np.abs(1 - 1 / alone.ratio))
 
 
 # ----------------------------------------------------------------------------------- identities
 def test_a_continuous_net_with_long_steps_is_a_discrete_one() -> None:
-    worst = SECTION_5_2_IDENTITIES.run("smoke").table.groupby("net").difference.max()
+    worst = identities.gaps.run("smoke").table.groupby("net").difference.max()
     assert worst["CTRNN by Euler steps of the time constant"] < 1e-12
     assert worst["ESN without leak"] < 1e-12
     assert worst["CTRNN by Heun steps of the time constant"] > 0.01
@@ -110,7 +103,7 @@ def test_a_continuous_net_with_long_steps_is_a_discrete_one() -> None:
 
 # --------------------------------------------------------------------------------------- memory
 def test_what_forgets_and_what_does_not() -> None:
-    table = SECTION_5_2_3_MEMORY.run(config=ForgettingConfig(seeds=2, steps=300)).table
+    table = memory.impulses.run(config=memory.Config(seeds=2, steps=300)).table
     by = table.groupby("net")
     assert (by.steps.max()[["FFWD", "DFFWD"]] == 1).all()
     kept = table[table.net == OPEN_GATE]
@@ -129,7 +122,7 @@ def test_exponent_of_a_quiet_contraction_by_hand() -> None:
 
 
 def test_reservoirs_below_one_forget() -> None:
-    table = SECTION_5_2_5_RADIUS.run("smoke").table
+    table = reservoirs.exponents.run("smoke").table
     assert (table[table.spectral_radius < 1].exponent < 0).all()
     small = table[(table.leak == 1) & (table.spectral_radius == 0.8)]
     np.testing.assert_allclose(small.at_rest, np.log(0.8), rtol=1e-6)
@@ -137,19 +130,19 @@ def test_reservoirs_below_one_forget() -> None:
 
 # ---------------------------------------------------------------------------------------- sizes
 def test_counts_are_those_of_the_equations() -> None:
-    table = sizes.SECTION_5_4_SIZES.run("smoke").table
-    for row in table[table.net.isin([*sizes.RECURRENT, "ffwd"])].itertuples():
-        seen = row.features + (row.actions if row.net != "ffwd" else 0)
-        assert row.learned == sizes.learned(row.net, seen, row.actions, row.units), row
+    table = sizes.sizes.run("smoke").table
+    for row in table[table.architecture.isin([*sizes.RECURRENT, "ffwd"])].itertuples():
+        seen = row.features + (row.actions if row.architecture != "ffwd" else 0)
+        assert row.learned == sizes.count(row.architecture, seen, row.actions, row.units), row
     # by hand: 9 units, 23 inputs: 207 + 81 weights, 9 biases, 9 initial states, 27 + 3 + 3
-    assert sizes.learned("dtrnn", 23, 3, 9) == 339
+    assert sizes.count("dtrnn", 23, 3, 9) == 339
 
 
 def test_the_reservoirs_weights_are_not_learned() -> None:
-    table = sizes.SECTION_5_4_SIZES.run("smoke").table
-    esn = table[(table.net == "esn") & (table.task == "Hopper")].set_index("features")
+    table = sizes.sizes.run("smoke").table
+    esn = table[(table.architecture == "esn") & (table.task == "Hopper")].set_index("features")
     assert esn.fixed[11] == 135**2 + 135 * 14
-    assert (table[table.net != "esn"].fixed == 0).all()
+    assert (table[table.architecture != "esn"].fixed == 0).all()
 
 
 # --------------------------------------------------------------------------------------- judges
@@ -165,7 +158,7 @@ def test_gradient_claim_on_both_sides() -> None:
         (1e-4, Verdict.DIRECTION),
         (0.1, Verdict.REFUTED),
     ):
-        finding = BY_ID["5.2.2-gradient"].judge({"section-5.2.2-gradients": table(size)})
+        finding = adjoint.gradient_of_the_integrator(table(size))
         assert finding.verdict is verdict
 
 
@@ -189,7 +182,7 @@ def test_instability_claim(
     ]
     rows += [("leak alone", integrator, 0.4, 1.5) for integrator in ("euler", "heun")]
     table = pd.DataFrame(rows, columns=["net", "integrator", "ratio", "growth"])
-    finding = BY_ID["5.2.2-instability"].judge({"section-5.2.2-stability": table})
+    finding = stability.short_time_constants(table)
     assert finding.verdict is verdict
     assert "Euler: " in finding.evidence
 
@@ -199,7 +192,7 @@ def test_what_is_left_of_an_impulse_is_told_apart_by_stability() -> None:
     rows += [(net, 20.0, 0.0, 0.9) for net in ("LSTM", "GRU", "DTRNN")]
     rows += [("LSTM", np.nan, 0.9, 1.1), ("DTRNN", np.nan, 0.2, 0.999)]
     table = pd.DataFrame(rows, columns=["net", "steps", "left", "growth"]).assign(limit=2000)
-    finding = BY_ID["5.2.3-lstm-keeps"].judge({"section-5.2.3-memory": table})
+    finding = memory.keeps_for_long(table)
     assert finding.verdict is Verdict.REPRODUCED
     assert "1 of 2 are unstable at rest" in finding.evidence
 
@@ -216,10 +209,10 @@ def test_what_is_left_of_an_impulse_is_told_apart_by_stability() -> None:
 def test_reservoir_claims(quiet: float, loud: float, rest: float, verdict: Verdict) -> None:
     rows = [(r, 0.5, n, e, rest) for r in (1.1, 1.5) for n, e in ((0.0, quiet), (1.0, loud))]
     columns = ["spectral_radius", "leak", "noise", "exponent", "at_rest"]
-    table = {"section-5.2.5-radius": pd.DataFrame(rows, columns=columns)}
-    assert BY_ID["5.2.5-large-radius"].judge(table).verdict is verdict
+    table = pd.DataFrame(rows, columns=columns)
+    assert reservoirs.large_radius_magnifies(table).verdict is verdict
     small = pd.DataFrame([(0.9, 0.5, 0.0, quiet, rest)], columns=columns)
-    below = BY_ID["5.2.5-small-radius"].judge({"section-5.2.5-radius": small})
+    below = reservoirs.small_radius_forgets(small)
     assert below.verdict is (Verdict.REFUTED if quiet > 0 else Verdict.REPRODUCED)
 
 
@@ -237,7 +230,7 @@ def test_low_pass_claim(slow: float, quick: float, verdict: Verdict) -> None:
         (net, 0, f, g) for net, left in fast.items() for f, g in ((0.2, 1.0), (2, 0.9), (20, left))
     ]
     table = pd.DataFrame(rows, columns=["net", "seed", "frequency", "gain"])
-    finding = BY_ID["5.2-low-pass"].judge({"section-5.2-gain": table})
+    finding = gain.low_pass_before_training(table)
     assert finding.verdict is verdict
 
 
@@ -253,36 +246,35 @@ def test_sizes_claims_from_the_facts() -> None:
         for net, learned in zip(("dtrnn", "ctrnn", "lstm", "gru", "esn"), numbers, strict=True)
         for units in (reservoir if net == "esn" else vanilla,)
     ]
-    table = pd.DataFrame(rows, columns=["task", "net", "thesis", "units", "learned"])
-    tables = {"section-5.4-sizes": table}
-    for claim, verdict in (
-        ("5.4-vanilla-size", Verdict.REPRODUCED),
-        ("5.4-esn-size", Verdict.REFUTED),
-        ("5.4-ant-reservoir", Verdict.REFUTED),
-        ("5.4-largest-dtrnn", Verdict.REPRODUCED),
+    table = pd.DataFrame(rows, columns=["task", "architecture", "thesis", "units", "learned"])
+    for judge, verdict in (
+        (sizes.vanilla_as_large_as_lstm, Verdict.REPRODUCED),
+        (sizes.reservoir_as_large_as_lstm, Verdict.REFUTED),
+        (sizes.ant_reservoir, Verdict.REFUTED),
+        (sizes.largest_vanilla, Verdict.REPRODUCED),
     ):
-        assert BY_ID[claim].judge(tables).verdict is verdict, claim
+        assert judge(table).verdict is verdict, judge.subject
 
 
 # --------------------------------------------------------------------------------------- a page
 def test_drawing_and_tables() -> None:
-    figure = show.draw_architectures()
+    figure = architecture_drawing.figure()
     assert [ax.get_title() for ax in figure.axes][1:] == ["DTRNN", "CTRNN", "LSTM", "GRU", "ESN"]
     plt.close(figure)
-    made = show.size_table(sizes.SECTION_5_4_SIZES.run("smoke").table).set_index("network")
+    made = sizes.shown(sizes.sizes.run("smoke").table).set_index("network")
     assert made.Swimmer["DTRNN"] == "106 (6)"
     assert made.Ant["ESN"] == "–"
-    config = GainConfig(seeds=1, steps=2048, segment=256)
-    gains = show.gain_table(SECTION_5_2_GAIN.run(config=config).table).set_index("network")
+    config = gain.Config(seeds=1, steps=2048, segment=256)
+    gains = gain.shown(gain.untrained.run(config=config).table).set_index("network")
     assert float(gains["noise / gait"]["FFWD"].split()[0]) == pytest.approx(1, abs=0.05)
 
 
 # ----------------------------------------------------------------------------------------- live
 def test_a_live_run_is_a_training_run_and_repeats() -> None:
-    config = LiveConfig(iterations=2, batch_steps=200, horizon=50, seeds=2)
-    first = SECTION_5_5_1_LIVE.run(config=config, workers=1).table
-    trained.cache_clear()
-    second = SECTION_5_5_1_LIVE.run(config=config, workers=2).table
+    config = live.Config(iterations=2, batch_steps=200, horizon=50, seeds=2)
+    first = live.curves.run(config=config, workers=1).table
+    live.trained.cache_clear()
+    second = live.curves.run(config=config, workers=2).table
     pd.testing.assert_frame_equal(
         first.drop(columns=list(TIMING_COLUMNS)), second.drop(columns=list(TIMING_COLUMNS))
     )

@@ -6,7 +6,9 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from thesis_lib.book import learning
+from thesis_lib.chapter5 import live, nine_networks, options, peers, precision
+from thesis_lib.chapter5.committed import commits
+from thesis_lib.chapter5.networks import STYLES
 from thesis_lib.training.config import TrainConfig, step_size
 
 
@@ -35,7 +37,7 @@ def curves(gain: float = 50.0) -> pd.DataFrame:
 
 
 def test_gains_are_tested_and_corrected() -> None:
-    found = learning.improvement(curves(), last=1)
+    found = nine_networks.improvement(curves(), last=1)
     # Welch by SciPy from the same samples' summaries, times 4 (Holm: both gains are equal and
     # smallest, so that one is multiplied by 4 and the other by at most that)
     sd = 5.0 * np.sqrt(20 / 19)
@@ -51,17 +53,17 @@ def test_gains_are_tested_and_corrected() -> None:
 def test_episodes_of_the_last_batches_are_pooled() -> None:
     table = curves()
     table["episodes"] = np.where(table.iteration == 10, 60, 20)
-    found = learning.improvement(table, last=2)
+    found = nine_networks.improvement(table, last=2)
     expected = (20 * (-10 + 50 * 8 / 9) + 60 * 40) / 80
     assert found.loc[("Ant", "dtrnn"), "last"] == pytest.approx(expected)
 
 
 def test_tables_have_the_order_of_the_page() -> None:
-    table = learning.progress_table(curves(), last=1).set_index("network")
+    table = nine_networks.shown(curves(), last=1).set_index("network")
     assert list(table.columns) == ["Swimmer", "Ant"]
     assert table.Ant["DTRNN"] == "−10 → **40**"
     assert table.Ant["ESN"] == "−10 → −10"
-    assert learning.time_table(curves()).set_index("network").Ant["ESN"] == "15 (20)"
+    assert nine_networks.times(curves()).set_index("network").Ant["ESN"] == "15 (20)"
 
 
 def test_number_types_are_compared_seed_by_seed() -> None:
@@ -72,27 +74,40 @@ def test_number_types_are_compared_seed_by_seed() -> None:
         for i in (1, 2)
     ]
     columns = ["precision", "seed", "iteration", "steps", "mean_return"]
-    table = pd.DataFrame(rows, columns=columns)
+    table = pd.DataFrame(rows, columns=columns).assign(
+        task="Ant", terrain="flat", architecture="gru", variant="default", accepted=True
+    )
+    table = table.assign(sampling_seconds=1.0, update_seconds=1.0, wall_seconds=1.0)
     table.loc[(table.precision == "float32") & (table.seed == 4), "mean_return"] += 5
-    found = learning.precision_compared(table)
-    gaps = np.array([1, 1, 1, 1, 6])
-    assert found["difference"] == pytest.approx(2)
-    assert found["margin"] == pytest.approx(20)
-    # one-sided t test of the mean gap against the margin
+    told = precision.reading(table)
+    gaps = np.array([1, 1, 1, 1, 6])  # of means 200 over seeds
+    half = stats.t.ppf(0.975, 4) * gaps.std(ddof=1) / np.sqrt(5)
+    assert f"difference seed by seed of 2.0 ± {half:.1f} (95%, n = 5)" in told
+    # one-sided t test of the mean gap against a tenth of the mean
     p = stats.ttest_1samp(gaps, 20, alternative="less").pvalue
-    assert found["p_equivalence"] == pytest.approx(p)
-    plt.close(learning.precision_figure(table))
+    assert f"20.0, the two are shown to be equivalent (paired TOST, p = {p:.2g})" in told
+    plt.close(precision.figure(table))
+
+
+def test_commits_are_told_run_by_run() -> None:
+    one = {"runs": [{"commit": "aaa"}, {"commit": "aaa"}]}
+    assert commits(one) == "2 of its 2 runs at commit aaa"
+    numbered = {"made_by": [{"commit": "aaa"}], "runs": [{"made_by": 0}, {"made_by": 0}]}
+    assert commits(numbered) == commits(one)
+    mixed = {"runs": [*one["runs"], {"commit": "bbb+"}]}
+    assert commits(mixed).startswith("2 of its 3 runs at commit aaa, the others at 1 more;")
+    assert "as 1 of them have" in commits(mixed)
 
 
 def test_every_network_has_a_line_of_its_own() -> None:
-    assert len(set(learning.STYLES.values())) == len(learning.STYLES) == 9
-    figure = learning.progress_figure(curves())
+    assert len(set(STYLES.values())) == len(STYLES) == 9
+    figure = nine_networks.figure(curves())
     assert [ax.get_title() for ax in figure.axes[:2]] == ["Swimmer", "Ant"]
     plt.close(figure)
 
 
 def test_step_sizes_are_the_printed_ones() -> None:
-    table = learning.delta_table().set_index("task")
+    table = live.bounds().set_index("task")
     assert table.CTRNN["HalfCheetah"] == "0.5"
     assert table.LSTM["Ant"] == "**0.05**"
     assert table.LSTM["Swimmer"] == "**0.1**"  # Duan et al., section 5
@@ -113,7 +128,7 @@ def test_runs_by_step_size() -> None:
         terrain="flat", precision="float32", steps=1, accepted=True
     )
     curves = curves.assign(sampling_seconds=1.0, update_seconds=1.0, wall_seconds=1.0)
-    table = learning.first_and_last(curves, last=3)
+    table = options.by_bound(curves, last=3)
     assert table["bound [nat]"].tolist() == [0.1, 0.02]
     half = stats.t.ppf(0.975, 1) * 2  # of 0 and 4: sd / sqrt(2) is 2
     assert table["first batch"].tolist() == [f"4.0 ± {half:.1f}", f"2.0 ± {half:.1f}"]
@@ -121,7 +136,7 @@ def test_runs_by_step_size() -> None:
     assert table.gained.tolist() == ["2 of 2", "0 of 2"]
 
 
-def peers() -> pd.DataFrame:
+def duel() -> pd.DataFrame:
     """Curves of four learners on one task, twelve batches, three seeds."""
     generator = np.random.default_rng(0)
     levels = {
@@ -141,8 +156,8 @@ def peers() -> pd.DataFrame:
 
 
 def test_another_library_is_compared_by_welch() -> None:
-    table = peers()
-    found = learning.peers_compared(table, last=2)
+    table = duel()
+    found = peers.differences(table, last=2)
     for part, first in (("end", 11), ("curve", 1)):
         chosen = table[table.batch >= first]
         runs = chosen.groupby(["side", "bound", "seed"]).mean_return.mean()
@@ -156,13 +171,13 @@ def test_another_library_is_compared_by_welch() -> None:
             assert row.difference == pytest.approx(mine.mean() - theirs.mean())
             assert row.p == pytest.approx(test.pvalue)
             assert (row.low, row.high) == pytest.approx((interval.low, interval.high))
-    shown = learning.peers_table(table)
+    shown = peers.shown(table)
     assert len(shown) == 6  # three learners of ours, at the end and over the curve
     assert shown["difference (95%)"].str.startswith("−").sum() == 4
 
 
 def test_figures_of_comparisons_draw_every_learner_and_setting() -> None:
-    figure = learning.peers_figure(peers())
+    figure = peers.figure(duel())
     assert [len(ax.lines) for ax in figure.axes] == [4]
     compared = pd.DataFrame(
         {
@@ -176,7 +191,7 @@ def test_figures_of_comparisons_draw_every_learner_and_setting() -> None:
             "p_holm": [0.01, 0.3],
         }
     )
-    ax = learning.options_figure(compared).axes[0]
+    ax = options.figure(compared).axes[0]
     dots = [line for line in ax.lines if line.get_marker() == "o"]
     assert [float(dot.get_xdata()[0]) for dot in dots] == [10.0, 5.0]
     assert [dot.get_markerfacecolor() == "white" for dot in dots] == [False, True]

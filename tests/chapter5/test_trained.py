@@ -8,12 +8,9 @@ import pytest
 import torch
 from scipy import stats
 
-from thesis_lib.claims import Verdict
-from thesis_lib.claims.chapter5 import low_pass_trained
-from thesis_lib.edition.experiment import Context
+from thesis_lib.chapter5 import gain_trained, learned_time_constants, options
+from thesis_lib.edition.ledger import Verdict
 from thesis_lib.edition.saved import saved
-from thesis_lib.experiments.chapter5 import trained
-from thesis_lib.experiments.chapter5.saved_runs import SECTION_5_5_1_OPTIONS
 from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.curves import write
 from thesis_lib.training.grid import Grid, run_name
@@ -39,8 +36,8 @@ def test_gains_are_those_of_networks_before_and_after_training(
     runs: tuple[Path, list[TrainConfig]],
 ) -> None:
     folder, _ = runs
-    config = trained.TrainedConfig(str(folder / "policies.pt"), 1e-3, 1024, 256)
-    table = trained.gains(config, Context(seed=3))
+    config = gain_trained.Config(1e-3, 1024, 256, str(folder / "policies.pt"))
+    table = gain_trained.before_and_after.run(config=config, seed=3).table
     assert set(table.net) == {"CTRNN, 0.1 s", "CTRNN, 0.3 s", "DTRNN"}
     assert len(table) == 3 * 2 * 128
     wide = table.pivot(index="frequency", columns=["net", "stage"], values="gain")
@@ -57,8 +54,8 @@ def test_time_constants_are_those_of_the_checkpoint(
     runs: tuple[Path, list[TrainConfig]],
 ) -> None:
     folder, configs = runs
-    config = trained.TrainedConfig(str(folder / "policies.pt"))
-    table = trained.time_constants(config, Context())
+    config = learned_time_constants.Config(str(folder / "policies.pt"))
+    table = learned_time_constants.by_unit.run(config=config).table
     assert sorted(table.net.unique()) == ["CTRNN, 0.1 s", "CTRNN, 0.3 s"]
     for run in configs:
         if run.architecture != "ctrnn":
@@ -72,7 +69,7 @@ def test_time_constants_are_those_of_the_checkpoint(
 
 
 def test_options_are_paired_seed_by_seed() -> None:
-    found = SECTION_5_5_1_OPTIONS.run(budget="smoke").table
+    found = options.changes.run("smoke").table
     row = found[(found.architecture == "dtrnn") & (found.changed == "trace=0.97")].iloc[0]
     curves = saved("options/dtrnn/curves").table
     mean = curves.groupby(["variant", "seed"]).mean_return.mean()
@@ -104,6 +101,6 @@ def gain_table(fast: dict[str, list[float]]) -> pd.DataFrame:
 def test_the_verdict_on_the_low_pass_filter(slow: list[float], verdict: Verdict) -> None:
     table = gain_table({"CTRNN, 1 s": slow, "CTRNN, 0.1 s": [0.2, 0.2], "GRU": [0.3, 0.4]})
     before = table.assign(stage="before", gain=9.0)
-    found = low_pass_trained({"section-5.2-gain-trained": pd.concat([before, table])})
+    found = gain_trained.low_pass_after_training(pd.concat([before, table]))
     assert found.verdict is verdict
     assert "after training" in found.evidence

@@ -4,24 +4,15 @@ import numpy as np
 import pytest
 import torch
 
-from thesis_lib.experiments.chapter5.architectures import (
-    EXPERIMENTS,
-    NETS,
-    SECTION_5_2_2_INTEGRATORS,
-    SECTION_5_2_5_EIGENVALUES,
-    SECTION_5_2_GAIN,
-    SECTION_5_2_RESPONSES,
-    GainConfig,
-    IntegratorsConfig,
-    untrained_net,
-)
+from thesis_lib.chapter5 import gain, integrators, reservoirs, responses
+from thesis_lib.chapter5.networks import NETS, untrained_net
 
 torch.set_num_threads(1)
 
 
 def test_feedforward_nets_pass_all_frequencies_and_slow_units_do_not() -> None:
-    config = GainConfig(seeds=1, steps=4096, segment=256)
-    table = SECTION_5_2_GAIN.run(config=config).table
+    config = gain.Config(seeds=1, steps=4096, segment=256)
+    table = gain.untrained.run(config=config).table
     assert set(table.net) == set(NETS)
     fast, slow = table[table.frequency > 15], table[table.frequency < 0.5]
     ratio = fast.groupby("net").gain.mean() / slow.groupby("net").gain.mean()
@@ -33,7 +24,7 @@ def test_feedforward_nets_pass_all_frequencies_and_slow_units_do_not() -> None:
 
 
 def test_feedforward_nets_forget_at_once() -> None:
-    table = SECTION_5_2_RESPONSES.run("smoke").table
+    table = responses.moments.run("smoke").table
     impulse = table[(table.signal == "impulse") & table.net.isin(["FFWD", "DFFWD"])]
     assert (impulse[impulse.time != 0].response == 0).all()
     assert (impulse[impulse.time == 0].response > 0).all()
@@ -42,7 +33,7 @@ def test_feedforward_nets_forget_at_once() -> None:
 
 
 def test_reservoirs_have_the_radii_of_table_5_1() -> None:
-    table = SECTION_5_2_5_EIGENVALUES.run("smoke").table
+    table = reservoirs.eigenvalues.run("smoke").table
     size = np.hypot(table.real, table.imaginary).groupby(table.net).max()
     assert size["ESN, Hopper"] == pytest.approx(1.1, rel=1e-5)
     assert size["ESN, Ant"] == pytest.approx(1.5, rel=1e-5)
@@ -50,10 +41,11 @@ def test_reservoirs_have_the_radii_of_table_5_1() -> None:
 
 
 def test_errors_fall_with_the_order_of_the_integrator() -> None:
-    config = IntegratorsConfig(seeds=2, ratios=(0.02, 0.04, 1.0))
-    table = SECTION_5_2_2_INTEGRATORS.run(config=config).table
+    config = integrators.Config(seeds=2, ratios=(0.02, 0.04, 1.0))
+    table = integrators.errors.run(config=config).table
     error = table.groupby(["integrator", "ratio"]).error.mean().unstack()
     order = np.log2(error[0.04] / error[0.02])
+    np.testing.assert_allclose(integrators.orders(table), order)
     assert order.euler == pytest.approx(1, abs=0.15)
     assert order.heun == pytest.approx(2, abs=0.2)
     assert order.midpoint == pytest.approx(2, abs=0.2)
@@ -63,7 +55,3 @@ def test_errors_fall_with_the_order_of_the_integrator() -> None:
 def test_nets_have_the_sizes_of_their_task() -> None:
     net = untrained_net("CTRNN, 0.1 s", "Walker2d", 0)
     assert (net.observation_size, net.action_size, net.hidden_size) == (21, 6, 18)
-
-
-def test_ids() -> None:
-    assert len({e.id for e in EXPERIMENTS}) == 4

@@ -1,0 +1,74 @@
+"""Learning curves of long runs that are committed with the book (section 5.5.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+from matplotlib.axes import Axes
+from scipy import stats
+
+from thesis_lib.edition.saved import saved
+from thesis_lib.training.curves import CURVES_COLUMNS
+
+COLUMNS: Mapping[str, str] = {
+    name: CURVES_COLUMNS[name]
+    for name in (
+        *("task", "terrain", "architecture", "seed", "precision", "variant", "iteration", "steps"),
+        *("mean_return", "std_return", "episodes", "kl", "accepted"),
+        *("sampling_seconds", "update_seconds", "wall_seconds"),
+    )
+}
+"""Columns of committed curves that the page needs."""
+
+
+@dataclass(frozen=True)
+class Config:
+    """Which committed results are read."""
+
+    names: tuple[str, ...]
+    """Paths below ``results`` without a suffix."""
+
+    def read(self, columns: Mapping[str, str] = COLUMNS) -> pd.DataFrame:
+        """The tables one after the other, the same at every budget and for every seed."""
+        tables = [saved(name).table[list(columns)] for name in self.names]
+        return pd.concat(tables, ignore_index=True)
+
+
+def commits(provenance: Mapping[str, Any]) -> str:
+    """From which commits the runs of a sweep were made, in words.
+
+    Parameters
+    ----------
+    provenance
+        Of the sweep; each of its ``runs`` names its ``commit``, or the entry of ``made_by`` that
+        does.
+    """
+    makers = provenance.get("made_by", ())
+    of = [
+        run["commit"] if "commit" in run else makers[run["made_by"]]["commit"]
+        for run in provenance["runs"]
+    ]
+    count = pd.Series(of).value_counts()
+    most = f"{count.iloc[0]} of its {len(of)} runs at commit {count.index[0]}"
+    if len(count) == 1:
+        return most
+    changed = sum(commit.endswith("+") for commit in of)
+    marks = f"; a + after one, as {changed} of them have, marks changes not committed"
+    return (
+        f"{most}, the others at {len(count) - 1} more; the record beside the curves names each "
+        f"run's{marks if changed else ''}"
+    )
+
+
+def band(
+    ax: Axes, curves: pd.DataFrame, iteration: str, colour: str, label: str, style: str = "-"
+) -> None:
+    """Mean of the seeds' curves with its 95% Student interval."""
+    by = curves.groupby(iteration)
+    steps, mean = by.steps.mean() / 1000, by.mean_return.mean()
+    half = by.mean_return.sem() * stats.t.ppf(0.975, by.mean_return.count() - 1)
+    ax.plot(steps, mean, style, color=colour, label=label, lw=1.4)
+    ax.fill_between(steps, mean - half, mean + half, color=colour, alpha=0.2, lw=0)

@@ -1,0 +1,212 @@
+"""How fast a gait is (section 5.5.2).
+
+The thesis explains a result by what a network filters out; whether that is noise or the gait
+itself depends on the frequency of a gait, which it does not state.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy import signal
+
+from thesis_lib.arrays import FloatArray
+from thesis_lib.chapter5 import live
+from thesis_lib.chapter5.networks import low_to_high
+from thesis_lib.chapter5.open_loop import NAME, SMOKE_SEARCH, Search, find_gait
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.locomotion.batch import BatchTask
+from thesis_lib.locomotion.robots import ROBOTS
+from thesis_lib.optimisation import run_episodes
+
+RESOLUTION = 0.02
+"""Spacing of the frequencies a spectrum is looked up at [Hz]."""
+
+SLOWEST = 0.25
+"""Frequencies from here on count as a gait's; what is slower is drift [Hz]."""
+
+
+def gait_frequency(angles: FloatArray, dt: float) -> float:
+    """Frequency at which joint angles swing most [Hz].
+
+    The place of the highest peak of the summed spectra of all angles, each windowed (Hann)
+    and without its straight-line trend.
+
+    Parameters
+    ----------
+    angles
+        Shape ``(T, J)`` [rad].
+    dt
+        Control step [s].
+
+    Raises
+    ------
+    ValueError
+        When the time is too short for two cycles of the slowest kind.
+    """
+    values = np.asarray(angles, dtype=np.float64)
+    if len(values) * dt < 2 / SLOWEST:
+        raise ValueError(
+            f"{len(values) * dt:.2g} s of joint angles are too few: a gait of {SLOWEST:g} Hz "
+            f"needs at least {2 / SLOWEST:g} s."
+        )
+    padded = max(len(values), round(1 / (RESOLUTION * dt)))
+    frequency, power = signal.periodogram(
+        values, fs=1 / dt, window="hann", nfft=padded, detrend="linear", axis=0
+    )
+    power = power.sum(axis=1)
+    # A maximum at the bound is no peak but the flank of the drift below it.
+    peaks, _ = signal.find_peaks(np.where(frequency < SLOWEST, np.inf, power))
+    if len(peaks) == 0:
+        raise ValueError("the joints do not swing: their spectrum has no peak.")
+    return float(frequency[peaks[np.argmax(power[peaks])]])
+
+
+@dataclass(frozen=True)
+class Config:
+    """Which controllers are watched, and how long."""
+
+    search: Search = field(default_factory=Search)
+    """As for the other tests of open-loop gaits."""
+    searches: int = 2
+    """Independent searches for each robot."""
+    learner: live.Config = field(default_factory=live.Config)
+    """The runs of ``ch5-live``, whose networks are watched."""
+    worlds: int = 3
+    """Episodes of each controller, which start from different states."""
+    seconds: float = 12.0
+    """Length of an episode [s]."""
+    skip: float = 2.0
+    """What is left out at its start [s]."""
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One episode of one controller."""
+
+    robot: str
+    """Name."""
+    controller: str
+    """open-loop gait, or the network that was trained; greedy, on flat ground."""
+    index: int
+    """Index of the search, or of the run."""
+    world: int
+    """Episode."""
+    seconds: float
+    """Length of the episode; less than asked for after a fall."""
+    distance: float
+    """Way of the root along x [m]."""
+    frequency: float
+    """Place of the highest peak of the summed spectra of the joint angles [Hz]; empty after an
+    early fall."""
+
+
+@experiment(
+    "ch5-gaits",
+    item="Section 5.5.2",
+    smoke=Config(
+        search=SMOKE_SEARCH,
+        searches=1,
+        learner=live.Config(iterations=1, batch_steps=200, horizon=100, seeds=1),
+        worlds=1,
+    ),
+    book=Config(),
+    thesis=Config(searches=10),
+    seconds=170,
+    was="section-5.5.2-gaits",
+)
+def episodes(config: Config, context: Context) -> list[Episode]:
+    """Frequency of a gait: open-loop ones, and that of a network after a short training."""
+
+    def open_loop(job: tuple[str, int]) -> list[Episode]:
+        robot, index = job
+        batch = _batch(robot, config, context, 0, index)
+        act = find_gait(robot, config.search, context.seed, index).controller(config.worlds)
+        angles, length = [], np.zeros(config.worlds, dtype=int)
+        batch.reset()
+        start, running = batch.qpos[:, 0], np.ones(config.worlds, dtype=bool)
+        while running.any():
+            angles.append(_joints(batch, robot))
+            step = batch.step(act(len(angles) - 1))
+            length[running] = len(angles)
+            running &= ~(step.terminated | step.truncated)
+        distance = batch.qpos[:, 0] - start
+        return _records((robot, NAME, index), np.array(angles), length, distance, config.skip)
+
+    def network(index: int) -> list[Episode]:
+        run = live.trained(config.learner.run(context.seed + index))
+        robot = run.config.task
+        batch = _batch(robot, config, context, 1, index)
+        angles: list[FloatArray] = []
+        places: list[FloatArray] = []
+
+        def watch(running: NDArray[np.bool_]) -> None:
+            angles.append(_joints(batch, robot))
+            places.append(batch.qpos[:, 0])
+
+        length = run_episodes(batch, run.policy, watch=watch).lengths
+        distance = batch.qpos[:, 0] - places[0]
+        key = (robot, f"{run.config.architecture.upper()}, trained", index)
+        return _records(key, np.array(angles), length, distance, config.skip)
+
+    jobs = [(robot, index) for robot in ROBOTS for index in range(config.searches)]
+    found = context.map(open_loop, jobs, "open-loop gaits")
+    found += context.map(network, range(config.learner.seeds), "networks")
+    return [record for records in found for record in records]
+
+
+def _batch(robot: str, config: Config, context: Context, *key: int) -> BatchTask:
+    (seed,) = context.seeds(1, 5, 11, list(ROBOTS).index(robot), *key)
+    steps = round(config.seconds / ROBOTS[robot].control_dt)
+    return BatchTask(robot, config.worlds, seed=seed, max_episode_steps=steps)
+
+
+def _joints(batch: BatchTask, robot: str) -> FloatArray:
+    """Angles of the joints with motors, which stand last in a robot's position, ``(n, J)``."""
+    return np.array(batch.qpos[:, -ROBOTS[robot].action_size :])
+
+
+def _records(
+    key: tuple[str, str, int],
+    angles: FloatArray,
+    length: NDArray[np.int_],
+    distance: FloatArray,
+    skip: float,
+) -> list[Episode]:
+    """One row a world; a robot that falls too early for two cycles has no frequency."""
+    dt = ROBOTS[key[0]].control_dt
+    first = round(skip / dt)
+    records = []
+    for world, n in enumerate(length):
+        long_enough = (n - first) * dt >= 2 / SLOWEST
+        frequency = gait_frequency(angles[first:n, world], dt) if long_enough else np.nan
+        records.append(Episode(*key, world, n * dt, distance[world], frequency))
+    return records
+
+
+def by_controller(table: pd.DataFrame) -> pd.Series:
+    """Median frequency [Hz] by robot and controller, the slowest first; without the fallen."""
+    return table.groupby(["robot", "controller"]).frequency.median().dropna().sort_values()
+
+
+def shown(table: pd.DataFrame) -> pd.DataFrame:
+    """Frequency of gaits by robot and controller: median, and range over episodes; speed."""
+    records = []
+    for (robot, controller), own in table.groupby(["robot", "controller"], sort=False):
+        found = own.frequency.dropna()
+        speed = (own.distance / own.seconds).median()
+        records.append(
+            {
+                "robot": robot,
+                "controller": controller,
+                "frequency [Hz]": f"{found.median():.1f} ({low_to_high(found, 1)})"
+                if len(found)
+                else "–",
+                "speed [m/s]": f"{speed:.1f}" if len(found) else "–",
+                "fell early": f"{len(own) - len(found)} of {len(own)}",
+            }
+        )
+    return pd.DataFrame(records)

@@ -1,0 +1,69 @@
+"""Rendered pictures of the robots, and what stands in their place without OpenGL."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Sequence
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+
+from thesis_lib.locomotion import rendering
+from thesis_lib.locomotion.robots import ROBOTS
+from thesis_lib.locomotion.terrain import HeightField
+
+
+def gallery(
+    make: Callable[[], Sequence[rendering.Image]], titles: Sequence[str], columns: int = 3
+) -> Figure:
+    """Pictures in a grid; where the machine has no OpenGL, what to do about it instead.
+
+    Parameters
+    ----------
+    make
+        Draws the pictures; may raise :class:`~thesis_lib.locomotion.rendering.NoGL`.
+    titles
+        One for each picture.
+    columns
+        Pictures side by side.
+    """
+    lines = -(-len(titles) // columns)
+    try:
+        images = make()
+    except rendering.NoGL as missing:
+        fig, ax = plt.subplots(figsize=(7.2, 1.6))
+        ax.axis("off")
+        ax.text(0.5, 0.5, textwrap.fill(str(missing), 80), ha="center", va="center")
+        return fig
+    shape = images[0].shape
+    height = 7.2 / columns * shape[0] / shape[1] + 0.28
+    fig, axes = plt.subplots(lines, columns, figsize=(7.2, lines * height), squeeze=False)
+    for ax in axes.flat:
+        ax.axis("off")
+    for ax, image, title in zip(axes.flat, images, titles, strict=False):
+        ax.imshow(image)
+        ax.set_title(title, fontsize=9)
+    return fig
+
+
+def on_hills(robot: str, field: HeightField, x: float, y: float) -> np.ndarray:
+    """A robot's starting pose, moved to a place of a map.
+
+    Parameters
+    ----------
+    robot
+        Swimmer or Ant, which move freely in space.
+    field
+        The ground.
+    x, y
+        World coordinates of the root, m.
+
+    Returns
+    -------
+    ndarray
+        Positions, shape ``(nq,)``; the root is as high above the ground as at the start.
+    """
+    qpos = np.array(ROBOTS[robot].init_qpos)
+    qpos[:3] += [x, y, field.ground_z(x, y)]
+    return qpos
