@@ -1,6 +1,8 @@
 """The readings of chapter 5's learning: what their rows say is what the code does."""
 
 import inspect
+import re
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -53,6 +55,14 @@ def test_sizes_of_the_reservoir() -> None:
     # 3 * 125 * 8 + 4 * 64, and what 3328 would take
     assert recurrent_units("esn", 125, 8) == 3256
     assert recurrent_units("esn", 128, 8) == 3328
+
+
+def test_rows_of_the_page_on_networks_say_where_it_shows_them() -> None:
+    page = read_chapter(chapter5, chapter5.NETWORKS)
+    prose = Path(chapter5.__file__).parents[2] / "notebooks" / "ch05_recurrent_policies.ipynb"
+    labels = set(re.findall(r"\((sec-[a-z0-9-]+)\)=", prose.read_text(encoding="utf-8")))
+    assert len(page.claims) == 29
+    assert all(row.at in labels for row in (*page.claims, *page.differences))
 
 
 @pytest.mark.parametrize("row", CHAPTER.differences, ids=lambda r: r.id)

@@ -98,11 +98,11 @@ def arbitrarily_better(table: pd.DataFrame) -> Finding:
     grows = bool((np.diff(ratio) > 0).all() and (ratio > 1).all())
     formula = (2 - ratio.index) / (2 - 2 * ratio.index)
     same = bool((abs(ratio / formula - 1) < EXACT).all())
-    told = ", ".join(f"{r:.4g} at gamma {g:g}" for g, r in ratio.items())
+    parts = ", ".join(f"{r:.4g} at gamma {g:g}" for g, r in ratio.items())
     return exact(
         coin and grows and same,
         f"The best policy found is {'' if coin else 'not '}the fair coin at every discount; the "
-        f"best deterministic policy costs this many times as much: {told}.",
+        f"best deterministic policy costs this many times as much: {parts}.",
     )
 
 

@@ -107,18 +107,18 @@ def by_policy(config: Config, context: Context) -> list[Value]:
 
 def _opposed(table: pd.DataFrame, second: str, setting: bool) -> Finding:
     """Whether B helps state 1 and harms state 3, at every discount, with uniform p(s|m)."""
-    holds, told = [], []
+    holds, parts = [], []
     chosen = table[(table.second == second) & (table.weighting == "uniform")]
     for gamma, group in chosen.groupby("discount"):
         _, value = curves(group)
         holds.append((np.diff(value[:, 0]) > 0).all() and (np.diff(value[:, 2]) < 0).all())
-        told.append(
+        parts.append(
             f"at gamma {gamma:g} from 0 to {value[-1, 0]:.3g} and from 0 to {value[-1, 2]:.3g}"
         )
     return exact(
         all(holds) and setting,
         "As p(B) goes from 0 to 1, V(1) and V(3) go "
-        f"{'strictly monotonically ' if all(holds) else ''}{'; '.join(told)}.",
+        f"{'strictly monotonically ' if all(holds) else ''}{'; '.join(parts)}.",
     )
 
 

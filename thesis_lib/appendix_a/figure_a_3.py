@@ -112,8 +112,8 @@ def no_common_best(table: pd.DataFrame) -> Finding:
     """Whether some policy is best in all states."""
     p_b, value = curves(table)
     best = value >= value.max(axis=0) - EXACT
-    told = ", ".join(f"{p_b[best[:, s]][0]:g} in state {s + 1}" for s in range(value.shape[1]))
-    return exact(not best.all(axis=1).any(), f"The best p(B) is {told}.")
+    parts = ", ".join(f"{p_b[best[:, s]][0]:g} in state {s + 1}" for s in range(value.shape[1]))
+    return exact(not best.all(axis=1).any(), f"The best p(B) is {parts}.")
 
 
 @criterion("A.3-flat", by_policy)

@@ -73,14 +73,14 @@ def beside(table: str, ours: pd.DataFrame, printed_runs: int) -> list[Cell]:
     printed_runs
         Runs behind a printed cell.
     """
-    told = published.load(table).set_index(["task", "trained_on", "architecture"])
+    published_by = published.load(table).set_index(["task", "trained_on", "architecture"])
     own = ours[ours.variant == DEFAULT].assign(net=ours.architecture.str.upper())
     own = own.sort_values("seed")
     by_cell = dict(list(own.groupby(["task", "terrain", "net"])))
     rows = []
     for ground in TRAINED_ON:
         for robot in ROBOTS:
-            row = told.loc[PUBLISHED[robot]].loc[ground]
+            row = published_by.loc[PUBLISHED[robot]].loc[ground]
             summaries = {
                 net: Summary(r.value, r.standard_error * printed_runs**0.5, printed_runs)
                 for net, r in row.iterrows()

@@ -59,12 +59,14 @@ def curves(config: Config, context: Context) -> list[Point]:
     own = own[own.variant == DEFAULT]
     own = own.assign(net=own.architecture.str.upper())
     by_cell = dict(list(own.groupby(["task", "terrain", "net"])))
-    told = published.load("table-5.2").set_index(["task", "trained_on", "architecture"]).value
+    published_by = (
+        published.load("table-5.2").set_index(["task", "trained_on", "architecture"]).value
+    )
     rows = []
     for ground in TRAINED_ON:
         for robot in ROBOTS:
             for net in NETS:
-                printed = float(told[PUBLISHED[robot], ground, net])
+                printed = float(published_by[PUBLISHED[robot], ground, net])
                 runs = by_cell.get((robot, ground, net))
                 if runs is None:
                     rows.append(Point(robot, ground, net, *(np.nan,) * 4, 0, 0, 0, printed))

@@ -166,8 +166,8 @@ def ctrnn_under_noise(source: str, table: pd.DataFrame) -> Evidence | None:
     parts = []
     for ground in TRAINED_ON:
         part = ahead(table, source, "robustness", f"{ground} noise", ["CTRNN"], NETS, tasks=True)
-        told = f"trained on {ground}: {part.sentence}" if part else ""
-        parts.append(replace(part, sentence=told) if part else None)
+        sentence = f"trained on {ground}: {part.sentence}" if part else ""
+        parts.append(replace(part, sentence=sentence) if part else None)
     return together(parts)
 
 
@@ -180,9 +180,9 @@ def no_best_under_noise(source: str, table: pd.DataFrame) -> Evidence | None:
     if rows.empty:
         return None
     best = rows.loc[rows.groupby("robot").value.idxmax()]
-    told = ", ".join(f"{r.robot} {r.net}" for r in best.itertuples())
+    listed = ", ".join(f"{r.robot} {r.net}" for r in best.itertuples())
     verdict = Verdict.REPRODUCED if best.net.nunique() > 1 else Verdict.REFUTED
-    return _evidence(rows, verdict, f"highest score: {told}.")
+    return _evidence(rows, verdict, f"highest score: {listed}.")
 
 
 # ------------------------------------------------------------------ switch to hills
@@ -232,10 +232,10 @@ def ctrnn_matches(source: str, table: pd.DataFrame) -> Evidence | None:
         return None
     overtaken = ((level.difference < 0) & (level.p_runs < ALPHA)).any()
     verdict = Verdict.REFUTED if overtaken else behind.verdict
-    told = ", ".join(f"{r.second} {difference(r)}" for _, r in level.iterrows())
+    listed = ", ".join(f"{r.second} {difference(r)}" for _, r in level.iterrows())
     return Evidence(
         verdict,
-        f"trained on the flat, {behind.sentence} Trained on hills, CTRNN less {told}.",
+        f"trained on the flat, {behind.sentence} Trained on hills, CTRNN less {listed}.",
         min(behind.units, int(level.units.min())),
         min(behind.tasks, int(level.tasks.min())),
         behind.printed_budget and bool(level.printed_budget.all()),
@@ -271,7 +271,7 @@ def simple_more_robust(source: str, table: pd.DataFrame) -> Evidence | None:
     rows = rows[rows["first"].isin(simple) & rows.second.isin(gated)]
     over = (rows.difference > 0).groupby(rows.quadrant).all()
     against = rows[(rows.difference < 0) & (rows.p_runs < ALPHA)]
-    told = "; ".join(
+    listed = "; ".join(
         f"{r.quadrant}, {r['first']} less {r.second} {difference(r)}" for _, r in against.iterrows()
     )
     verdict = whole.verdict
@@ -280,7 +280,7 @@ def simple_more_robust(source: str, table: pd.DataFrame) -> Evidence | None:
     return Evidence(
         verdict,
         f"{whole.sentence} In {over.sum()} of {len(over)} quadrants every simple net is ahead of "
-        f"both gated ones{'; against it: ' + told if told else ''}.",
+        f"both gated ones{'; against it: ' + listed if listed else ''}.",
         whole.units,
         whole.tasks,
         whole.printed_budget,
@@ -306,9 +306,9 @@ def _extreme(table: pd.DataFrame, source: str, robot: str, *, highest: bool) -> 
         verdict = Verdict.REPRODUCED
     else:
         verdict = Verdict.DIRECTION if 2 * count > by.shape[1] else Verdict.NOT_REPRODUCED
-    told = ", ".join(f"{ground} {what} {name}" for (ground, what), name in first.items())
+    listed = ", ".join(f"{ground} {what} {name}" for (ground, what), name in first.items())
     which = "highest" if highest else "lowest"
-    return _evidence(_means(table, source), verdict, f"the {which} mean score over nets: {told}.")
+    return _evidence(_means(table, source), verdict, f"the {which} mean score over nets: {listed}.")
 
 
 @both("5.5.2-cheetah-robust", scores)
@@ -329,7 +329,7 @@ def ant_hill_robust(source: str, table: pd.DataFrame) -> Evidence | None:
     rows = _means(table, source)
     rows = rows[(rows.trained_on == "hill") & (rows.robot != ALL)]
     rows = rows[~rows.net.isin([ALL, "ESN"])]
-    told, above, sure = [], [], []
+    listed, above, sure = [], [], []
     for what in PERTURBATIONS:
         by = rows[rows.perturbation == what].pivot(index="net", columns="robot", values="value")
         if by.shape[1] < len(ROBOTS):
@@ -339,12 +339,12 @@ def ant_hill_robust(source: str, table: pd.DataFrame) -> Evidence | None:
         above.append(gap.mean() > 0)
         sure.append(gap.mean() > 0 and p < ALPHA)
         place = by.mean().rank(ascending=False).Ant
-        told.append(f"under {what} {place:.0f} of {len(ROBOTS)} (p = {p:.2g})")
+        listed.append(f"under {what} {place:.0f} of {len(ROBOTS)} (p = {p:.2g})")
     if all(sure):
         verdict = Verdict.REPRODUCED
     else:
         verdict = Verdict.DIRECTION if all(above) else Verdict.NOT_REPRODUCED
-    sentence = f"the hill-trained Ant ranks {' and '.join(told)}, tested against the mean robot."
+    sentence = f"the hill-trained Ant ranks {' and '.join(listed)}, tested against the mean robot."
     return _evidence(rows, verdict, sentence)
 
 
@@ -362,8 +362,8 @@ def varies_across_tasks(source: str, table: pd.DataFrame) -> Evidence | None:
         return None
     all_of_them = max(p.values()) < ALPHA
     verdict = Verdict.REPRODUCED if all_of_them else Verdict.NOT_REPRODUCED
-    told = ", ".join(f"{quadrant} p = {value:.2g}" for quadrant, value in p.items())
-    return _evidence(rows, verdict, f"scores differ between robots, nets as blocks: {told}.")
+    listed = ", ".join(f"{quadrant} p = {value:.2g}" for quadrant, value in p.items())
+    return _evidence(rows, verdict, f"scores differ between robots, nets as blocks: {listed}.")
 
 
 def draw(table: pd.DataFrame, source: str = "printed") -> Figure:

@@ -87,9 +87,9 @@ def weigh(printed: Evidence | None, ours: Evidence | None) -> Finding:
     """
     own = _own(ours)
     if printed is None:
-        told = "The thesis prints no numbers."
+        theirs = "The thesis prints no numbers."
     else:
-        told = f"The printed tables {_WORDS[printed.verdict]}: {printed.sentence}"
+        theirs = f"The printed tables {_WORDS[printed.verdict]}: {printed.sentence}"
     if ours is None:
         mine = "Ours have not been run yet."
     else:
@@ -99,7 +99,7 @@ def weigh(printed: Evidence | None, ours: Evidence | None) -> Finding:
     weakest = min(verdicts, key=_ORDER.index, default=own)
     if own not in _ORDER and weakest in (Verdict.REPRODUCED, Verdict.DIRECTION):
         weakest = own
-    return Finding(weakest, f"{told} {mine}")
+    return Finding(weakest, f"{theirs} {mine}")
 
 
 def _own(ours: Evidence | None) -> Verdict:

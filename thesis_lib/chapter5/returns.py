@@ -64,12 +64,12 @@ def no_single_best(source: str, table: pd.DataFrame, both_units: pd.DataFrame) -
         and found.verdict is Verdict.REPRODUCED
     ]
     one = winners.iloc[0] == len(ROBOTS) * 2 or bool(champions)
-    told = ", ".join(f"{net} {count}" for net, count in winners.items())
+    listed = ", ".join(f"{net} {count}" for net, count in winners.items())
     return evidence(
         table,
         source,
         Verdict.REFUTED if one else Verdict.REPRODUCED,
-        f"best in the regular test on the ten rows: {told}; ahead of all others on average, with "
+        f"best in the regular test on the ten rows: {listed}; ahead of all others on average, with "
         f"tasks as the unit too: {', '.join(champions) or 'none'}.",
     )
 
@@ -150,13 +150,13 @@ def same_table(short: pd.DataFrame, full: pd.DataFrame) -> Finding:
     keys = ["trained_on", "robot", "net"]
     pair = short.merge(full, on=keys, suffixes=("", "_c"))
     apart = pair[(pair.printed != pair.printed_c) | (pair.printed_error != pair.printed_error_c)]
-    told = "; ".join(
+    listed = "; ".join(
         f"{r.robot} {r.trained_on}, {r.net}: {r.printed:.1f} and {r.printed_c:.1f}"
         for r in apart.itertuples()
     )
     return Finding(
         Verdict.REFUTED if len(apart) else Verdict.REPRODUCED,
-        f"{len(apart)} of {len(pair)} cells differ{': ' + told if told else ''}.",
+        f"{len(apart)} of {len(pair)} cells differ{': ' + listed if listed else ''}.",
     )
 
 

@@ -152,12 +152,12 @@ def because_it_filters(table: pd.DataFrame) -> Finding:
     if table.empty:
         return Finding(Verdict.NOT_RUN, "Its arms have not been trained and tested yet.")
     by = table.set_index("name")
-    told = "; ".join(
+    listed = "; ".join(
         f"{r.Index} {r.value:+.3f} [{r.low:.3f}, {r.high:.3f}]" for r in by.itertuples()
     )
     left = by.left_out.max()
     evidence = (
-        f"By how much each holds ({by.seeds.min()} seeds an arm, share of return): {told}."
+        f"By how much each holds ({by.seeds.min()} seeds an arm, share of return): {listed}."
         + (f" Left out: {left} policies that earned nothing without noise." if left else "")
     )
     if by.seeds.min() < ENOUGH_SEEDS:

@@ -89,7 +89,7 @@ def hopper_hard(source: str, table: pd.DataFrame) -> Evidence | None:
         return None
     by = wide(table, column(source)[0]).droplevel("trained_on")
     ratio = by[list(GROUPS["FNNs"])].max(axis=1) / by[list(GROUPS["RNNs"])].max(axis=1)
-    told = ", ".join(f"{robot} {value:.2f}" for robot, value in ratio.items())
+    listed = ", ".join(f"{robot} {value:.2f}" for robot, value in ratio.items())
     verdict, p = Verdict.NOT_REPRODUCED, ""
     if ratio.idxmax() == "Hopper" and several_runs(table, source):
         hopper = table[table.robot == "Hopper"]
@@ -97,7 +97,7 @@ def hopper_hard(source: str, table: pd.DataFrame) -> Evidence | None:
         sure = test.difference < 0 and test.p_value < ALPHA
         verdict = Verdict.REPRODUCED if sure else Verdict.DIRECTION
         p = f"; on the Hopper the two differ with p = {test.p_value:.2g}"
-    return evidence(table, source, verdict, f"best FNN over best RNN on the flat: {told}{p}.")
+    return evidence(table, source, verdict, f"best FNN over best RNN on the flat: {listed}{p}.")
 
 
 @both("5.5.1-hopper-vanilla", entries)
@@ -123,9 +123,9 @@ def hopper_vanilla(source: str, table: pd.DataFrame) -> Evidence | None:
         verdict = Verdict.REPRODUCED
     else:
         verdict = Verdict.DIRECTION if above and all(above) else Verdict.NOT_REPRODUCED
-    told = ", ".join(f"{net} {table.loc[net, value]:.0f}" for net in GROUPS["RNNs"])
+    listed = ", ".join(f"{net} {table.loc[net, value]:.0f}" for net in GROUPS["RNNs"])
     sentence = (
-        f"mean returns {told}; {sum(significant)} of {len(tests)} differences between a vanilla "
+        f"mean returns {listed}; {sum(significant)} of {len(tests)} differences between a vanilla "
         "and another net significant (Welch)."
     )
     return evidence(table, source, verdict, sentence)
@@ -171,18 +171,18 @@ def rnn_vary(source: str, table: pd.DataFrame) -> Evidence | None:
     """Standard errors over learning runs, RNNs against FNNs, rows in pairs."""
     if not several_runs(table, source):
         return None
-    told, sure, larger = [], [], []
+    listed, sure, larger = [], [], []
     for name, part in zip(("itself", "relation to the mean"), _spread(table, source), strict=True):
         ratio = np.log(part.RNNs / part.FNNs)
         p = float(ttest_1samp(ratio, 0).pvalue)
         larger.append(ratio.mean() > 0)
         sure.append(ratio.mean() > 0 and p < ALPHA)
-        told.append(f"in {name} {np.exp(ratio.mean()):.2f} times that of FNNs (p = {p:.2g})")
+        listed.append(f"in {name} {np.exp(ratio.mean()):.2f} times that of FNNs (p = {p:.2g})")
     if all(sure):
         verdict = Verdict.REPRODUCED
     else:
         verdict = Verdict.DIRECTION if any(larger) else Verdict.NOT_REPRODUCED
-    sentence = f"RNNs' standard error over learning runs is {' and '.join(told)}."
+    sentence = f"RNNs' standard error over learning runs is {' and '.join(listed)}."
     return evidence(table, source, verdict, sentence)
 
 

@@ -106,7 +106,7 @@ def ratios(config: Config, context: Context) -> list[Ratio]:
 
 
 def _ratios(made: Cells, formula: str, factor: float) -> Iterator[Ratio]:
-    told = published.load("table-5.6").set_index(["perturbation", "architecture"])
+    published_by = published.load("table-5.6").set_index(["perturbation", "architecture"])
     by_robot = improvement(made.mean)
     for m, net in enumerate(NETS):
         there = np.isfinite(by_robot[:, :, m]).all(axis=0)
@@ -122,7 +122,7 @@ def _ratios(made: Cells, formula: str, factor: float) -> Iterator[Ratio]:
             logs = np.log(ratio[ratio > 0])
             known = units >= ENOUGH
             low, high = np.nanquantile(drawn[:, j, 0], [0.025, 0.975]) if known else (np.nan,) * 2
-            bounds = told.loc[(PRINTED_NAME[perturbation], net)]
+            bounds = published_by.loc[(PRINTED_NAME[perturbation], net)]
             yield Ratio(
                 made.source,
                 perturbation,
@@ -163,10 +163,10 @@ def _evidence(rows: pd.DataFrame, verdict: Verdict, sentence: str) -> Evidence:
 
 
 def _bounds(rows: pd.DataFrame) -> str:
-    told = ", ".join(f"{r.Index} {r.low:.2f} to {r.high:.2f}" for r in rows.itertuples())
+    listed = ", ".join(f"{r.Index} {r.low:.2f} to {r.high:.2f}" for r in rows.itertuples())
     few = rows[rows.p_tasks < ALPHA]
     return (
-        f"{told}; with tasks as the unit p < {ALPHA:g} for "
+        f"{listed}; with tasks as the unit p < {ALPHA:g} for "
         f"{' and '.join(few.index) if len(few) else 'none'}"
     )
 
@@ -276,9 +276,9 @@ def helps_on_every_robot(source: str, table: pd.DataFrame) -> Evidence | None:
         return None
     worse = rows.least < 1
     verdict = Verdict.REFUTED if worse.all() else Verdict.NOT_REPRODUCED
-    told = ", ".join(f"{r.Index} {r.least_robot} {r.least:.2f}" for r in rows.itertuples())
+    listed = ", ".join(f"{r.Index} {r.least_robot} {r.least:.2f}" for r in rows.itertuples())
     return _evidence(
-        rows, Verdict.REPRODUCED if not worse.any() else verdict, f"the least ratio: {told}."
+        rows, Verdict.REPRODUCED if not worse.any() else verdict, f"the least ratio: {listed}."
     )
 
 
@@ -292,7 +292,7 @@ def ratio_of_the_drops(table: pd.DataFrame) -> Finding:
     met = rows.groupby(["formula", "error_factor"]).met.sum()
     inside = rows[rows.error_factor == 1].groupby("formula").inside.sum()
     count = len(rows[(rows.formula == DROPS) & (rows.error_factor == 1)])
-    told = "; ".join(
+    listed = "; ".join(
         f"{formula}: {inside[formula]} of {count} centres inside the printed bounds, "
         f"{met[formula, 1.0]} of {2 * count} bounds met with the printed standard errors and "
         f"{met[formula, 2.0]} with twice these"
@@ -301,7 +301,7 @@ def ratio_of_the_drops(table: pd.DataFrame) -> Finding:
     drops = inside[DROPS] == count
     return Finding(
         Verdict.REPRODUCED if drops else Verdict.REFUTED,
-        f"Rebuilt from tables C.1 to C.3: {told} (within {ROUNDING:g}).",
+        f"Rebuilt from tables C.1 to C.3: {listed} (within {ROUNDING:g}).",
         {"bounds met": float(met.max())},
     )
 
