@@ -127,7 +127,12 @@ def test_a_run_killed_outright_goes_on_to_the_same_bits(tmp_path: Path, started:
 def test_interruption_saves_and_says_where(
     tmp_path: Path, started: Started, number: signal.Signals
 ) -> None:
-    process = started(tmp_path, "--iterations", "100000", "--checkpoint-every", "4")
+    # As a shell has it in the background: whoever starts a process has to heed Ctrl-C itself.
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        process = started(tmp_path, "--iterations", "100000", "--checkpoint-every", "4")
+    finally:
+        signal.signal(signal.SIGINT, before)
     process.send_signal(number)
     _, error = process.communicate(timeout=300)
     assert process.returncode == 128 + number
