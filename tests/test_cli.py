@@ -1,10 +1,14 @@
 """The command `thesis`."""
 
 import ast
+import ctypes
 import json
+import os
 import shutil
+import signal
 import subprocess
 import sys
+import time
 
 import pandas as pd
 import pytest
@@ -101,6 +105,29 @@ def test_interruption_leaves_no_file(tmp_path, capsys, monkeypatch):
     assert cli.main(["run", "figure-3.3", "--budget", "smoke", "--out", str(tmp_path)]) == 130
     assert "interrupted" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interruption_in_a_callback_of_a_compiled_library_is_not_lost(
+    number, tmp_path, capsys, monkeypatch
+):
+    @ctypes.CFUNCTYPE(None)
+    def callback():
+        os.kill(os.getpid(), number)
+        time.sleep(0.01)  # here the signal arrives, and Python drops what it raises
+
+    def stopped(*arguments, **options):
+        callback()
+        time.sleep(10)
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    monkeypatch.setattr("thesis_lib.edition.experiment.Experiment.run", stopped)
+    try:
+        arguments = ["run", "figure-3.3", "--budget", "smoke", "--out", str(tmp_path)]
+        assert cli.main(arguments) == 128 + number
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert capsys.readouterr().err == "thesis: interrupted; no file was left half written.\n"
 
 
 def test_claims_without_their_tables_name_the_command(tmp_path, capsys):

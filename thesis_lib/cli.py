@@ -247,6 +247,16 @@ def _manners() -> Iterator[None]:
     def interrupt(number: int, frame: Any) -> None:
         raise KeyboardInterrupt(number)
 
+    def dropped(lost: sys.UnraisableHookArgs) -> None:
+        # One that comes while a compiled library calls back, as LLVM does, is lost there.
+        if isinstance(lost.exc_value, KeyboardInterrupt):
+            number = next(iter(lost.exc_value.args), signal.SIGINT)
+            signal.signal(signal.SIGALRM, lambda _, frame: interrupt(number, frame))
+            signal.setitimer(signal.ITIMER_REAL, 0.05)
+        else:
+            hook(lost)
+
+    hook, sys.unraisablehook = sys.unraisablehook, dropped
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
@@ -259,6 +269,7 @@ def _manners() -> Iterator[None]:
     try:
         yield
     finally:
+        sys.unraisablehook = hook
         for replaced, handler in before.items():
             signal.signal(replaced, handler)
 
