@@ -20,6 +20,7 @@ from thesis_lib import cli, cli_training
 from thesis_lib.edition.experiment import load
 from thesis_lib.locomotion.rendering import NoGL, choose_backend
 from thesis_lib.training.checkpoint import FILES, read_checkpoint
+from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.evaluation import EvaluateConfig, evaluate
 from thesis_lib.training.run import TIMING_COLUMNS, Training
 from thesis_lib.training.trained import Trained, read_trained
@@ -140,6 +141,19 @@ def test_interruption_saves_and_says_where(
     assert f"the last checkpoint, of iteration {kept}, is in {tmp_path}" in error
     assert "give the same command again" in error
     assert "Traceback" not in error
+
+
+def test_interruption_before_the_first_checkpoint(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(run: Training, config: TrainConfig) -> None:
+        raise KeyboardInterrupt(signal.SIGTERM)
+
+    monkeypatch.setattr(Training, "__init__", stopped)
+    arguments = ["train", *SMALL, "--iterations", "1", "--out", str(tmp_path)]
+    assert cli.main(arguments) == 128 + signal.SIGTERM
+    assert capsys.readouterr().err == "thesis: interrupted; no file was left half written.\n"
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_run_under_nohup_ends_in_good_order(tmp_path: Path, started: Started) -> None:

@@ -71,6 +71,8 @@ class Train:
                 report=report,
             )
         except KeyboardInterrupt as stop:
+            if not (folder / "checkpoint.pt").exists():
+                raise
             good = read_checkpoint(folder)["iteration"]
             print(
                 f"\nthesis: interrupted; the last checkpoint, of iteration {good}, is in {folder}: "
