@@ -3,8 +3,11 @@
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from thesis_lib.book.execution import Run
-from thesis_lib.book.pages import status_markdown
+from thesis_lib.book.pages import drills_markdown, status_markdown
+from thesis_lib.edition.saved import saved
 
 
 def run(name: str, seconds: float, numpy: str = "2.0", **changes: Any) -> Run:
@@ -40,3 +43,15 @@ def test_status_shows_versions_that_differ() -> None:
 
 def test_status_of_nothing() -> None:
     assert status_markdown([]) == "No notebook was executed for this build.\n"
+
+
+def test_drills_have_a_row_each() -> None:
+    row = {"command": "thesis run", "drill": "killed", "good": 19, "of": 20}
+    text = drills_markdown(pd.DataFrame([row | {"commit": "0123456789ab", "day": "2026-11-29"}]))
+    assert "\n| `thesis run` | killed | 19 of 20 | 01234567 | 2026-11-29 |\n" in text
+
+
+def test_no_drill_that_is_committed_failed() -> None:
+    drills = saved("drills/drills").table
+    assert len(drills)
+    assert (drills.good == drills.of).all()

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import pandas as pd
+
 from thesis_lib.book.execution import Run
 from thesis_lib.book.thesis_numbers import thesis_number
+from thesis_lib.edition.saved import saved
 from thesis_lib.edition.scoreboard import (
     differences_markdown,
     findings_markdown,
@@ -33,6 +36,7 @@ def generated(results: Path, runs: Mapping[str, Run], *, draft: bool = False) ->
         "questions.md": questions_markdown(results, draft=draft),
         "differences.md": differences_markdown(results),
         "status.md": status_markdown([runs[name] for name in sorted(runs)]),
+        "drills.md": drills_markdown(saved("drills/drills").table),
     }
 
 
@@ -79,6 +83,29 @@ def status_markdown(runs: Sequence[Run]) -> str:
         for name, version in versions.items():
             used.setdefault(name, set()).add(version)
     lines += [f"| {name} | {', '.join(sorted(used[name]))} |" for name in used]
+    return "\n".join([*lines, "::::", ""])
+
+
+def drills_markdown(drills: pd.DataFrame) -> str:
+    """The table of fault drills on the page *Status*.
+
+    Parameters
+    ----------
+    drills
+        What ``benchmarks/drills.py`` wrote: command, drill, good, of, commit, day.
+    """
+    lines = [
+        "::::{table} What is left after faults: how often everything was as it should be",
+        ":name: tbl-status-drills",
+        "",
+        "| command | drill | as it should be | commit | day |",
+        "| :-- | :-- | --: | :-- | :-- |",
+        *(
+            f"| `{d.command}` | {d.drill} | {d.good} of {d.of} "
+            f"| {_short_commit(d.commit)} | {d.day} |"
+            for d in drills.itertuples()
+        ),
+    ]
     return "\n".join([*lines, "::::", ""])
 
 
