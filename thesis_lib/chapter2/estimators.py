@@ -244,8 +244,9 @@ def td_error(table: pd.DataFrame) -> Finding:
     pathwise, mean = table.td_difference.max(), table.td_mean_difference.max()
     same = pathwise < EXACT
     instead = " The identity holds on average over what follows, not for each sample."
-    return _exact(
-        same,
+    other = Verdict.DIRECTION if mean < EXACT else Verdict.REFUTED
+    return Finding(
+        Verdict.REPRODUCED if same else other,
         f"On single trajectories the two differ by up to {number(pathwise)}; their expectations "
         f"differ by {mean:.0e}.{'' if same else instead}",
     )
