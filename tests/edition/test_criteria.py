@@ -66,6 +66,12 @@ def test_no_greater(first, verdict):
     assert no_greater([pair(first, 10.0)], 0.1).verdict is verdict
 
 
+def test_no_greater_counts_the_choices_there_were():
+    # Difference .3 of standard error .1414: p = .035.
+    assert no_greater([pair(10.3, 10)], 0.1).verdict is Verdict.REFUTED
+    assert no_greater([pair(10.3, 10)], 0.1, choices=2).verdict is Verdict.REPRODUCED
+
+
 def test_no_greater_needs_enough_runs():
     assert no_greater([pair(10, 10, sd=20, n=5)], 0.1).verdict is Verdict.INCONCLUSIVE
 

@@ -185,7 +185,12 @@ def differ_but_one(pairs: Sequence[Pair], alike: Pair, margin: float = 0.05) -> 
 
 
 def no_greater(
-    pairs: Sequence[Pair], margin: float, unit: str = "", *, tolerant: bool = False
+    pairs: Sequence[Pair],
+    margin: float,
+    unit: str = "",
+    *,
+    tolerant: bool = False,
+    choices: int = 1,
 ) -> Finding:
     """Whether no first is the greater by more than a margin: one-sided Welch tests.
 
@@ -202,14 +207,18 @@ def no_greater(
         See :func:`ordered`.
     tolerant
         Whether only being greater by more than the margin refutes (Welch, Bonferroni).
+    choices
+        Among how many settings each first was chosen after looking, such as learning rates: a
+        refutation is corrected for it.
     """
     tests = [welch(p.first, p.second, level=1 - 2 * LEVEL) for p in pairs]
     bounds = [margin * abs(p.second.mean) for p in pairs]
     bounded = sum(t.high < b for t, b in zip(tests, bounds, strict=True))
-    adjusted = holm([t.p_value for t in tests])
+    adjusted = holm([min(1.0, choices * t.p_value) for t in tests])
     greater = sum(t.difference > 0 and q < LEVEL for t, q in zip(tests, adjusted, strict=True))
     if tolerant:
-        strict = [welch(p.first, p.second, level=1 - 2 * LEVEL / len(pairs)) for p in pairs]
+        level = 1 - 2 * LEVEL / len(pairs) / choices
+        strict = [welch(p.first, p.second, level=level) for p in pairs]
         greater = sum(t.low > b for t, b in zip(strict, bounds, strict=True))
     lead, shown = _clearest(pairs, [t.difference / abs(p.second.mean) if p.second.mean else 0.0
                                     for p, t in zip(pairs, tests, strict=True)])  # fmt: skip
