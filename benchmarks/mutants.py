@@ -106,10 +106,16 @@ MUTANTS = (
         ("chapter3", "3.4.1-numbers"),
     ),
     Mutant(
-        *("half-of-a-soft-policy", "mdp/greedy.py"),
+        *("half-of-a-soft-policy", "mdp/planning.py"),
+        *("preferred = np.eye(A)[greedy]", "preferred, epsilon = np.eye(A)[greedy], epsilon / 2"),
+        ("tests/mdp/test_planning.py", "soft_bellman_equation or beats_every"),
+        ("chapter3", "3.4.2-huddle"),
+    ),
+    Mutant(
+        *("half-of-greedy-exploration", "mdp/greedy.py"),
         *('epsilon = probability("epsilon", epsilon)', 'epsilon = probability("", epsilon) / 2'),
         ("tests/mdp/test_greedy.py", "all_actions"),
-        ("chapter3", "3.4.2-huddle"),
+        reason="it enters one weighting of potentials and a reward that is told, not judged",
     ),
     Mutant(
         *("gamma-squared", "mdp/evaluation.py"),
@@ -128,14 +134,14 @@ MUTANTS = (
         *("soft-values-optimal", "potentials/averages.py"),
         *("planning.soft_policy_iteration(task, epsilon).q", "planning.solve(task).q"),
         ("tests/potentials/test_averages.py", "soft_values_are_lower"),
-        ("chapter3", "3.4.3-levels", "3.4.1-potentials-help-q-learning"),
+        ("chapter3", "3.4.1-potentials-help-q-learning", "3.4.1-sensor-helps-sarsa"),
     ),
     Mutant(
         *("q-star-negative", "potentials/averages.py"),
         *("return cross_task_values(domain, optimal_solutions(domain), weights)",
           "return -cross_task_values(domain, optimal_solutions(domain), weights)"),
-        ("tests/potentials/test_averages.py", "cliff_potential_by_hand"),
-        ("chapter3", "3.4.3-levels"),
+        ("tests/potentials/test_averages.py", "soft_values_are_lower"),
+        ("chapter3", "3.6-lower", "3.3.5-conservative"),
     ),
     Mutant(
         *("blind-sensor", CLIFF),
