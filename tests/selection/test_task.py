@@ -8,7 +8,7 @@ import pytest
 from tests.relevance.worlds import world
 from tests.selection.examples import solved
 from thesis_lib.domains import stock, triangle
-from thesis_lib.experiments.chapter4.families import meadow
+from thesis_lib.domains.planted import meadow
 from thesis_lib.relevance import Solutions, ground, k_relevance, relevance, remove
 from thesis_lib.selection import ExactRelevance, TaskRelevance, task_explained, unseen_share
 

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from thesis_lib.chapter4.random_solutions import KINDS, Kind, random_solutions
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
-from thesis_lib.experiments.chapter4.families import KINDS, random_solutions
 from thesis_lib.relevance import domain_relevance, k_relevance, rate, second_rate
 
 ROUNDING = 1e-6
@@ -60,11 +60,12 @@ class Step:
 
 
 @experiment(
-    "theorem-2-each-k",
+    "ch4-each-k",
     item="Theorem 2 (a factor for each k)",
     smoke=Config(domains=6, lengths=(2, 10)),
     book=Config(),
     seconds=25,
+    was="theorem-2-each-k",
 )
 def steps(config: Config, context: Context) -> list[Step]:
     """Ratio of successive steps of k-relevance, and the rest after c/k, in random domains."""
@@ -73,10 +74,10 @@ def steps(config: Config, context: Context) -> list[Step]:
     rows = []
     for kind in KINDS:
 
-        def one(job: tuple[int, np.random.SeedSequence], kind: str = kind) -> np.ndarray:
+        def one(job: tuple[int, np.random.SeedSequence], kind: Kind = kind) -> np.ndarray:
             index, seed = job
             rng = np.random.default_rng(seed)
-            solutions = random_solutions(rng, kind, 2 + index % 4)  # type: ignore[arg-type]
+            solutions = random_solutions(rng, kind, 2 + index % 4)
             labels = rng.integers(0, 3, solutions.n_pairs)
             D = rng.dirichlet(np.ones(solutions.n_tasks))
             rho = k_relevance(solutions, labels, around, distribution=D).reshape(3, -1)

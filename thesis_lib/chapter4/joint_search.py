@@ -10,27 +10,24 @@ IBKR, which keeps everything; and that FS-TEK is the first to match fixed featur
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from itertools import product
 from typing import Literal
 
 import numpy as np
 import pandas as pd
 
-from thesis_lib.chapter3.runs import Learner
+from thesis_lib.chapter3.runs import SETTINGS
+from thesis_lib.chapter4.figure_4_3 import PRINTED
+from thesis_lib.chapter4.runs import Rated, Run, run_selectors, solve_domain
 from thesis_lib.domains import triangle
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
-from thesis_lib.experiments.chapter4.protocol import Trial
-from thesis_lib.experiments.chapter4.worlds import world
-from thesis_lib.selection import FSTEK, FixedFeatures, NoSelection, Selector, rates, triangle_alpha
+from thesis_lib.selection import FSTEK, FixedFeatures, NoSelection, Selector, triangle_alpha
 from thesis_lib.stats import mean_ci
 
 Schedule = Literal["formula", "words"]
 Interval = Literal["curve", "observation"]
-
-PRINTED = (0.45, 1.0)
-"""False and true positive rate printed for five tasks, "around"."""
 
 NEAR = (0.07, 0.03)
 """How far a rate may be from what is printed of it."""
@@ -58,7 +55,7 @@ class Config:
 
 
 @dataclass(frozen=True)
-class Reading:
+class Reading(Rated):
     """One joint reading of FS-TEK after one number of tasks."""
 
     schedule: str
@@ -67,18 +64,8 @@ class Reading:
     """Most combinations sampled for each k; 0 for all of them."""
     interval: str
     """curve, observation; or the method: none (all features kept) or fixed."""
-    tasks_seen: int
-    """Number of observed tasks n."""
-    fpr: float
-    """False positive rate."""
-    tpr: float
-    """True positive rate."""
     rate_error: float
     """Half-width of the 95% interval of the false positive rate over runs."""
-    mean_return: float
-    """Mean total reward of the test tasks, over runs."""
-    ci95: float
-    """Half-width of its 95% t interval over runs."""
     over_none: float
     """Return less that without selection, paired by run, mean."""
     over_none_ci95: float
@@ -87,24 +74,21 @@ class Reading:
     """Return less that of fixed features, paired by run, mean."""
     over_fixed_ci95: float
     """Half-width of its 95% t interval."""
-    n_runs: int
-    """Sequences of tasks."""
 
 
 @experiment(
-    "fs-tek-joint-search",
+    "ch4-joint-search",
     item="FS-TEK as printed (triangle)",
     smoke=Config(max_seqs=(5, 0), intervals=("curve",), tasks_seen=(5,), runs=2, tests=2),
     book=Config(),
     thesis=Config(runs=500),
     seconds=130,
+    was="fs-tek-joint-search",
 )
 def readings(config: Config, context: Context) -> list[Reading]:
     """Rates and returns on the triangle by schedule, sample of combinations and interval."""
-    learner = Learner("q_learning", 0.5, 0.01, episodes=10)
-    known = world(triangle, learner, context)
-    names = known.solutions.feature_names
-    relevant = [n for n, true in zip(names, known.truth, strict=True) if true]
+    learner = SETTINGS["triangle"].learners[0]
+    solved = solve_domain(triangle(), learner, context)
     keys = list(product(config.schedules, config.max_seqs, config.intervals))
     keys += [("none", 0, "none"), ("none", 0, "fixed")]  # type: ignore[list-item]
 
@@ -113,7 +97,7 @@ def readings(config: Config, context: Context) -> list[Reading]:
         if interval == "none":
             return NoSelection()
         if interval == "fixed":
-            return FixedFeatures(relevant)
+            return FixedFeatures(solved.relevant)
         return FSTEK(
             alpha=partial(triangle_alpha, first=FIRST[schedule]),
             max_seqs=most or None,
@@ -122,43 +106,37 @@ def readings(config: Config, context: Context) -> list[Reading]:
             random_state=seed,
         )
 
-    def one(seed: np.random.SeedSequence) -> tuple[np.ndarray, np.ndarray]:
+    def one(seed: np.random.SeedSequence) -> Run:
         rng = np.random.default_rng(seed)
-        seen = known.domain.sample(max(config.tasks_seen), rng)
-        own = int(rng.integers(2**31))
-        support = np.empty((len(keys), len(config.tasks_seen), len(names)), dtype=bool)
-        returns = np.empty(support.shape[:2])
-        for j, n in enumerate(config.tasks_seen):
-            solutions = known.solutions.take(seen[:n])
-            tests = known.domain.sample(config.tests, rng)
-            trial = Trial(known, learner, tests, rng.integers(2**63, size=config.tests))
-            values: dict[bytes, float] = {}
-            for i, key in enumerate(keys):
-                kept = make(key, own).fit(solutions).support_
-                support[i, j] = kept
-                code = kept.tobytes()
-                if code not in values:
-                    values[code] = trial.mean_return(known.potential(seen[:n], kept))
-                returns[i, j] = values[code]
-        return support, returns
 
-    found = context.map(one, context.seeds(config.runs, 23), "joint search")
-    support = np.stack([s for s, _ in found])
-    returns = np.stack([r for _, r in found])
-    rows = []
+        @cache
+        def own() -> int:
+            """Drawn once, after the observed tasks."""
+            return int(rng.integers(2**31))
+
+        sizes = (learner, config.tasks_seen, config.tests)
+        return run_selectors(solved, *sizes, rng, lambda: [make(key, own()) for key in keys])
+
+    runs = Run.stack(context.map(one, context.seeds(config.runs, 23), "joint search"))
+    records = []
     for (i, key), (j, n) in product(enumerate(keys), enumerate(config.tasks_seen)):
-        fpr, tpr = rates(support[:, i, j], known.truth)
-        own = mean_ci(returns[:, i, j])
-        none, fixed = (mean_ci(returns[:, i, j] - returns[:, at, j]) for at in (-2, -1))
-        false = mean_ci(support[:, i, j][:, ~known.truth].mean(axis=1))
-        rows.append(
+        none, fixed = (runs.ahead_of(j, i, len(keys) + other) for other in (-2, -1))
+        false = mean_ci(runs.support[:, j, i][:, ~solved.truth].mean(axis=1))
+        records.append(
             Reading(
-                *(key[0], key[1], key[2], n, fpr, tpr, false.half_width),
-                *(own.mean, own.half_width, none.mean, none.half_width),
-                *(fixed.mean, fixed.half_width, own.n),
+                schedule=key[0],
+                max_seqs=key[1],
+                interval=key[2],
+                tasks_seen=n,
+                rate_error=false.half_width,
+                over_none=none.mean,
+                over_none_ci95=none.half_width,
+                over_fixed=fixed.mean,
+                over_fixed_ci95=fixed.half_width,
+                **runs.rated(j, i, solved.truth),
             )
         )
-    return rows
+    return records
 
 
 def fits(table: pd.DataFrame) -> pd.DataFrame:
@@ -214,10 +192,10 @@ def some_reading_fits(table: pd.DataFrame) -> Finding:
     return Finding(
         verdict,
         f"Of {len(found)} joint readings {found.rates.sum()} give the rates printed for five "
-        "tasks, "
-        f"{found.gain.sum()} a significant gain there, {found.matches.sum()} match fixed features "
-        f"within the range, and {len(every)} do all. Nearest: the {best.schedule}'s level with "
-        f"{sampled} and the interval of the {best.interval}, {best.fpr:.2f}/{best.tpr:.2f}.",
+        f"tasks, {found.gain.sum()} a significant gain there, {found.matches.sum()} match fixed "
+        f"features within the range, and {len(every)} do all. Nearest: the level of the "
+        f"{best.schedule} with {sampled} and the interval of the {best.interval}, "
+        f"{best.fpr:.2f}/{best.tpr:.2f}.",
         {"all": len(every), "fpr": float(best.fpr), "tpr": float(best.tpr)},
     )
 

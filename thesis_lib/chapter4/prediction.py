@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -19,13 +20,13 @@ from matplotlib.figure import Figure
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter3.runs import Learner
+from thesis_lib.chapter4.runs import Kept, SolvedDomain, Trial, solve_domain
 from thesis_lib.domains import Domain, continuing_cliff, stock, triangle
+from thesis_lib.domains.planted import random_domain, torus
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import COLOURS
-from thesis_lib.experiments.chapter4.families import random_domain, torus
-from thesis_lib.experiments.chapter4.protocol import Trial
-from thesis_lib.experiments.chapter4.worlds import World, world
+from thesis_lib.potentials import linear_cross_task_weights
 from thesis_lib.selection import (
     FSTEK,
     FixedFeatures,
@@ -70,7 +71,7 @@ METHODS: Mapping[str, Callable[[], Selector]] = {
     "shrinkage": Shrinkage,
     "cross-fitted": lambda: Shrinkage("cross-fitted"),
 }
-"""What is compared; ``fixed``, the truly relevant features, is added where they are known."""
+"""What is compared; ``fixed``, the truly relevant features, is added where they are solved."""
 
 
 @dataclass(frozen=True)
@@ -88,8 +89,8 @@ class Config:
 
 
 @dataclass(frozen=True)
-class Prediction:
-    """One selector after one number of tasks on one domain."""
+class Prediction(Kept):
+    """One selector after one number of tasks on one domain; shrinkage keeps what it depends on."""
 
     domain: str
     """Which domain."""
@@ -97,12 +98,6 @@ class Prediction:
     """Whether its tasks share p(x|m)."""
     method: str
     """The selector; fixed keeps the truly relevant features."""
-    tasks_seen: int
-    """Number of observed tasks n."""
-    fpr: float
-    """Share of the domain-irrelevant features kept (for shrinkage: depended on)."""
-    tpr: float
-    """Share of the domain-relevant features kept."""
     excess: float
     """Squared error of the potential against Q_d under p(x), over the variance of Q_d; mean."""
     regret: float
@@ -120,36 +115,36 @@ class Prediction:
 
 
 @experiment(
-    "selection-as-prediction",
+    "ch4-prediction",
     item="Selection as prediction",
     smoke=Config(domains=("triangle", "stock G = 1"), tasks_seen=(4,), runs=2, tests=2),
     book=Config(),
     thesis=Config(runs=300),
     seconds=160,
+    was="selection-as-prediction",
 )
 def predictions(config: Config, context: Context) -> list[Prediction]:
     """Rates, excess squared error, regret and return of selectors on the next task."""
     rows = []
     for name in config.domains:
         setting = SETTINGS[name]
-        known = world(setting.make, setting.learner, context, irrelevant=setting.irrelevant)
-        rows += _on(name, known, setting.learner, config, context)
+        solved = solve_domain(
+            setting.make(), setting.learner, context, irrelevant=setting.irrelevant
+        )
+        rows += _on(name, solved, setting.learner, config, context)
     return rows
 
 
 def _on(
-    name: str, known: World, learner: Learner, config: Config, context: Context
+    name: str, solved: SolvedDomain, learner: Learner, config: Config, context: Context
 ) -> list[Prediction]:
-    solutions, domain = known.solutions, known.domain
-    names = solutions.feature_names
-    fixed = FixedFeatures([n for n, true in zip(names, known.truth, strict=True) if true])
-    methods = {**METHODS, "fixed": lambda: fixed}
-    subsets = [np.array(kept) for kept in product((False, True), repeat=len(names))]
+    solutions, domain = solved.solutions, solved.domain
+    n_features = solutions.n_features
+    methods = {**METHODS, "fixed": lambda: FixedFeatures(solved.relevant)}
+    subsets = [np.array(kept) for kept in product((False, True), repeat=n_features)]
     weight = domain.distribution @ solutions.p
     joint = np.where(solutions.p > 0, solutions.p * solutions.q, 0.0)
-    truth = np.divide(
-        domain.distribution @ joint, weight, out=np.zeros_like(weight), where=weight > 0
-    )
+    truth = linear_cross_task_weights(solutions.q, solutions.p, domain.distribution)
     variance = float(weight @ truth**2 - (weight @ truth) ** 2)
 
     def error(phi: FloatArray) -> float:
@@ -159,14 +154,13 @@ def _on(
         rng = np.random.default_rng(seed)
         seen = domain.sample(max(config.tasks_seen), rng)
         numbers = np.empty((len(methods), len(config.tasks_seen), 3))
-        support = np.empty((*numbers.shape[:2], len(names)), dtype=bool)
+        support = np.empty((*numbers.shape[:2], n_features), dtype=bool)
         for j, n in enumerate(config.tasks_seen):
             own = solutions.take(seen[:n])
             # What nobody has seen is predicted by the mean, for every method alike.
             mean = float(joint[seen[:n]].sum() / n)
-            tests = domain.sample(config.tests, rng)
-            trial = Trial(known, learner, tests, rng.integers(2**63, size=config.tests))
-            best = min(error(known.potential(seen[:n], kept, mean)) for kept in subsets)
+            trial = Trial(solved, learner, config.tests, rng)
+            best = min(error(solved.potential(seen[:n], kept, mean)) for kept in subsets)
             values: dict[bytes, tuple[float, float]] = {}
             for i, make in enumerate(methods.values()):
                 selector = make()
@@ -180,7 +174,7 @@ def _on(
                 else:
                     code = kept.tobytes()
                     if code not in values:
-                        phi = known.potential(seen[:n], kept, mean)
+                        phi = solved.potential(seen[:n], kept, mean)
                         values[code] = error(phi), trial.mean_return(phi)
                     found = values[code]
                 numbers[i, j] = found[0], found[0] - best, found[1]
@@ -192,13 +186,13 @@ def _on(
     support = np.stack([f[1] for f in found])
     rows = []
     for (i, method), (j, n) in product(enumerate(methods), enumerate(config.tasks_seen)):
-        fpr, tpr = rates(support[:, i, j], known.truth)
+        fpr, tpr = rates(support[:, i, j], solved.truth)
         excess, regret, earned = numbers[:, i, j].T
         off = mean_ci(regret)
         gain = mean_ci(earned - numbers[:, 0, j, 2])
         rows.append(
             Prediction(
-                *(name, solutions.shared, method, n, fpr, tpr, float(excess.mean())),
+                *(n, fpr, tpr, name, solutions.shared, method, float(excess.mean())),
                 *(off.mean, off.half_width, float(earned.mean()), gain.mean, gain.half_width),
                 len(found),
             )
@@ -265,7 +259,10 @@ def figure(table: pd.DataFrame) -> Figure:
     fig, axes = plt.subplots(rows, columns, figsize=(7.2, 2.3 * rows), squeeze=False)
     for ax, (domain, own) in zip(axes.flat, panels, strict=False):
         for i, (method, group) in enumerate(own.groupby("method", sort=False)):
-            look = {"color": COLOURS[i % len(COLOURS)], "ls": "-" if i < len(COLOURS) else "--"}
+            look: dict[str, Any] = {
+                "color": COLOURS[i % len(COLOURS)],
+                "ls": "-" if i < len(COLOURS) else "--",
+            }
             ax.plot(group.tasks_seen, group.regret, label=method, **look)
             low, high = group.regret - group.regret_ci95, group.regret + group.regret_ci95
             ax.fill_between(group.tasks_seen, low, high, color=look["color"], alpha=0.15, lw=0)

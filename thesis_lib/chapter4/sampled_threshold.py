@@ -15,14 +15,12 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
+from thesis_lib.chapter4.random_solutions import noise_to_signal
+from thesis_lib.chapter4.threshold import EVERY
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
-from thesis_lib.experiments.chapter4.families import random_solutions
-from thesis_lib.relevance import Solutions, estimate, remove
+from thesis_lib.relevance import estimate, remove
 from thesis_lib.selection import FSTEK, fstek_threshold
-
-EVERY = 10**6
-"""More combinations than there are: algorithm 8 lists them all."""
 
 Interval = Literal["curve", "observation"]
 
@@ -62,11 +60,12 @@ class Agreement:
 
 
 @experiment(
-    "fs-tek-sampled",
+    "ch4-sampled-threshold",
     item="FS-TEK explained (sampling)",
     smoke=Config(tasks_seen=(5,), max_seqs=(5, EVERY), domains=5),
     book=Config(),
     seconds=25,
+    was="fs-tek-sampled",
 )
 def agreement(config: Config, context: Context) -> list[Agreement]:
     """Decisions of algorithm 7 that its threshold on F predicts, by sample of combinations."""
@@ -75,10 +74,7 @@ def agreement(config: Config, context: Context) -> list[Agreement]:
         interval, most, n = job
         agree = unsure = total = 0
         for index, seed in enumerate(context.seeds(config.domains, 22, n)):
-            rng = np.random.default_rng(seed)
-            noise = random_solutions(rng, "shared", n, (2, 2, 2))
-            common = rng.normal(size=noise.n_pairs) * (index % 5) / 2
-            solutions = Solutions(noise.q + common, noise.p, noise.features, ("f", "g", "h"))
+            solutions = noise_to_signal(np.random.default_rng(seed), n, index)
             selector = FSTEK(config.alpha, most, interval=interval, random_state=index)
             for check in selector.fit(solutions).history_[0].checks:
                 ratio = estimate(solutions, remove(solutions, [check.feature])).f_ratio

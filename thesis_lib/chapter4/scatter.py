@@ -67,11 +67,12 @@ class Kept:
 
 
 @experiment(
-    "selector-scatter",
+    "ch4-scatter",
     item="Jackknife F (scatter)",
     smoke=Config(laws=("gaussian", "sign"), tasks_seen=(4,), runs=10),
     book=Config(),
     seconds=40,
+    was="selector-scatter",
 )
 def kept(config: Config, context: Context) -> list[Kept]:
     """How often an irrelevant feature is kept, by the law of its effect."""

@@ -64,6 +64,33 @@ def _half(of: Summary) -> float:
     return float(distributions.t.ppf(0.975, of.n - 1)) * of.sd / of.n**0.5
 
 
+def judged(
+    holds: object,
+    evidence: str,
+    numbers: Mapping[str, float] | None = None,
+    *,
+    direction: object = False,
+    otherwise: Verdict = Verdict.NOT_REPRODUCED,
+) -> Finding:
+    """A finding that fits no other shape.
+
+    Parameters
+    ----------
+    holds
+        Whether the criterion does: then the claim is reproduced.
+    evidence
+        A sentence that is true whether it does or not.
+    numbers
+        That decided, by name.
+    direction
+        Whether, where it does not, the claim is right in direction.
+    otherwise
+        The verdict where neither is so.
+    """
+    verdict = Verdict.DIRECTION if direction else otherwise
+    return Finding(Verdict.REPRODUCED if holds else verdict, evidence, numbers or {})
+
+
 def ordered(pairs: Sequence[Pair], unit: str = "") -> Finding:
     """Whether every first is the greater: Welch's tests with Holm's correction.
 

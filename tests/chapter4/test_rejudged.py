@@ -1,0 +1,143 @@
+"""The statements of chapter 4 judged harder: criteria that can fail, what is known exactly."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thesis_lib.chapter4 import (
+    contraction,
+    joint_search,
+    prediction,
+    sampled_threshold,
+    scatter,
+    threshold,
+)
+from thesis_lib.edition.ledger import Verdict
+
+
+def test_steps_follow_the_factor_and_a_wrong_law_is_refuted() -> None:
+    table = contraction.steps.run("smoke").table
+    shared = table[table.kind == "shared"]
+    np.testing.assert_allclose(shared.lowest, (shared.k - 1) / (shared.k + 1), atol=1e-6)
+    np.testing.assert_allclose(shared.highest, (shared.k - 1) / (shared.k + 1), atol=1e-6)
+    grows = table.assign(highest=table.highest.where(table.kind != "shared", 1.1))
+    assert contraction.contracts_for_each_k(grows).verdict is Verdict.REFUTED
+    calm = table.assign(larger=0.0)
+    assert contraction.contracts_for_each_k(calm).verdict is Verdict.REPRODUCED
+
+
+def test_the_rest_is_judged_by_its_coefficient() -> None:
+    config = contraction.Config(domains=8, lengths=(1000,))
+    table = contraction.steps.run(config=config).table
+    assert contraction.rest_is_of_second_order(table).verdict is Verdict.REPRODUCED
+    assert contraction.rest_is_of_second_order(table.assign(rest=2.0)).verdict is Verdict.REFUTED
+
+
+def test_with_every_combination_the_threshold_decides() -> None:
+    config = sampled_threshold.Config(tasks_seen=(5,), max_seqs=(3, threshold.EVERY))
+    table = sampled_threshold.agreement.run(config=config, seed=1).table.set_index(
+        ["interval", "max_seqs"]
+    )
+    row = table.loc["curve", threshold.EVERY]
+    assert row.agree == row.n_decisions
+    assert table.loc["curve", 3].agree < row.n_decisions
+    finding = sampled_threshold.both_conditions_are_needed
+    assert finding(table.reset_index()).verdict is Verdict.REPRODUCED
+    assert finding(table.assign(agree=table.n_decisions).reset_index()).verdict is Verdict.DIRECTION
+    assert finding(table.assign(agree=0).reset_index()).verdict is Verdict.REFUTED
+
+
+def reading(n: int, fpr: float, gain: float, behind: float, most: int = 5) -> dict[str, object]:
+    return {
+        **{"schedule": "words", "max_seqs": most, "interval": "curve", "tasks_seen": n},
+        **{"fpr": fpr, "tpr": 1.0, "over_none": gain, "over_none_ci95": 1.0},
+        **{"over_fixed": behind, "over_fixed_ci95": 1.0},
+    }
+
+
+@pytest.mark.parametrize(
+    ("fpr", "gain", "behind", "verdict"),
+    [
+        (0.45, 2.0, 0.0, Verdict.REPRODUCED),
+        (0.60, 2.0, 0.0, Verdict.DIRECTION),
+        (0.45, 0.5, 0.0, Verdict.NOT_REPRODUCED),
+        (0.45, 2.0, -3.0, Verdict.NOT_REPRODUCED),
+    ],
+)
+def test_a_joint_reading_must_meet_all_that_is_printed(
+    fpr: float, gain: float, behind: float, verdict: Verdict
+) -> None:
+    table = pd.DataFrame([reading(n, fpr, gain, behind) for n in (5, 8)])
+    assert joint_search.some_reading_fits(table).verdict is verdict
+
+
+def test_one_reading_without_a_rise_refutes_the_rise() -> None:
+    rise = [reading(n, fpr, 2, 0, most) for most in (0, 5) for n, fpr in ((5, 0.4), (8, 0.7))]
+    assert joint_search.false_positives_rise(pd.DataFrame(rise)).verdict is Verdict.REPRODUCED
+    rise[-1]["fpr"] = 0.4
+    assert joint_search.false_positives_rise(pd.DataFrame(rise)).verdict is Verdict.REFUTED
+
+
+def test_nothing_errs_less_than_the_best_subset_but_what_is_no_subset(
+    smoke: Mapping[str, pd.DataFrame],
+) -> None:
+    table = smoke["ch4-prediction"]
+    subsets = table[~table.method.isin(("shrinkage", "cross-fitted"))]
+    assert (subsets.regret >= -1e-12).all()
+    # A constant explains nothing of Q_d, and errs by its variance at least.
+    assert (table[table.method == "none (constant)"].excess >= 1 - 1e-9).all()
+    # The truly relevant features of the triangle carry all of Q_d.
+    own = table[(table.method == "fixed") & (table.domain == "triangle")]
+    assert own.fpr.tolist() == [0.0]
+    assert own.tpr.tolist() == [1.0]
+
+
+def swapped(table: pd.DataFrame, first: str, second: str) -> pd.DataFrame:
+    names = {first: second, second: first}
+    return table.assign(method=table.method.replace(names))
+
+
+def test_prediction_claims_can_fail() -> None:
+    methods = ["all features", "fs-tek", "jackknife", "cross-validation", "shrinkage"]
+    rows = [
+        {"domain": d, "tasks_seen": n, "method": m, "regret": 5.0 - i, "excess": 5.0 - i,
+         "mean_return": float(i)}
+        for d in "ab" for n in (3, 4) for i, m in enumerate([*methods, "cross-fitted"])
+    ]  # fmt: skip
+    table = pd.DataFrame(rows)
+    assert prediction.shrinkage_errs_least(table).verdict is Verdict.REPRODUCED
+    worse = swapped(table, "shrinkage", "fs-tek")
+    assert prediction.shrinkage_errs_least(worse).verdict is Verdict.NOT_REPRODUCED
+    assert prediction.error_predicts_return(table).verdict is Verdict.REPRODUCED
+    wrong = table.assign(mean_return=-table.mean_return)
+    assert prediction.error_predicts_return(wrong).verdict is Verdict.NOT_REPRODUCED
+
+
+def test_effects_of_an_irrelevant_feature_have_mean_zero_and_repeat_as_often_as_they_must() -> None:
+    rng = np.random.default_rng(2)
+    for law, draw in scatter.LAWS.items():
+        values = draw(rng, 200_000)
+        assert abs(values.mean()) < 5 * values.std() / np.sqrt(len(values)), law
+    config = scatter.Config(laws=("one in eight", "sign"), tasks_seen=(4,), runs=300)
+    table = scatter.kept.run(config=config).table
+    own = table[table.shared & (table.selector == "jackknife")].set_index("law")
+    # All four the same cannot be told from relevance; at n = 4 no other draw passes t^2 = 10.1
+    # but, of one in eight, none: three and one have F of at most 1.
+    for law, chance in (("one in eight", (7 / 8) ** 4 + (1 / 8) ** 4), ("sign", 1 / 8)):
+        assert own.low[law] - 0.02 <= chance <= own.high[law] + 0.02
+
+
+def test_the_level_claim_can_fail() -> None:
+    rows = [
+        {"law": law, "shared": True, "tasks_seen": n, "selector": "jackknife", "kept": 0.04,
+         "low": 0.02, "high": 0.06}
+        for law in ("gaussian", "sign") for n in (6, 8, 12)
+    ]  # fmt: skip
+    table = pd.DataFrame(rows)
+    assert scatter.level_is_held(table).verdict is Verdict.REPRODUCED
+    one = table.assign(low=np.where((table.law == "sign") & (table.tasks_seen == 6), 0.1, 0.02))
+    assert scatter.level_is_held(one).verdict is Verdict.DIRECTION
+    null = table.assign(low=np.where(table.law == "gaussian", 0.1, 0.02))
+    assert scatter.level_is_held(null).verdict is Verdict.REFUTED

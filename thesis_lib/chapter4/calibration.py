@@ -1,0 +1,135 @@
+"""Whether the jackknife F-test holds its level, and what power it has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, Literal
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy.stats import binomtest
+
+from thesis_lib.chapter4.random_solutions import planted_solutions
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.plots import COLOURS, PRINTED
+from thesis_lib.selection import JackknifeF
+
+Null = Literal["t2", "box"]
+
+
+@dataclass(frozen=True)
+class Config:
+    """Settings of the calibration."""
+
+    runs: int = 1000
+    """Samples of tasks at each point."""
+    tasks_seen: tuple[int, ...] = (3, 4, 5, 6, 8, 12, 20)
+    """Numbers of observed tasks."""
+    alphas: tuple[float, ...] = (0.01, 0.05, 0.2)
+    """Levels of the test."""
+    effects: tuple[float, ...] = (0.5, 1.0, 2.0)
+    """Mean effect of the relevant feature, in standard deviations between tasks."""
+    levels: tuple[int, ...] = (2, 6)
+    """Values of the irrelevant feature: its scatter has one direction less."""
+
+
+@dataclass(frozen=True)
+class Kept:
+    """How often one feature is kept at one point."""
+
+    null: str
+    """Null law: t2, the default, or box."""
+    shared: bool
+    """Whether tasks share p(x|m)."""
+    levels: int
+    """Values of the irrelevant feature."""
+    effect: float
+    """Mean effect of the relevant feature, in standard deviations between tasks."""
+    alpha: float
+    """Level of the test."""
+    tasks_seen: int
+    """Number of observed tasks n."""
+    feature: str
+    """Relevant or irrelevant."""
+    kept: float
+    """Share of runs in which it is kept: power, or the size of the test."""
+    low: float
+    """Low end of the exact 95% binomial interval."""
+    high: float
+    """Its high end."""
+    n_runs: int
+    """Samples of n tasks."""
+
+
+@experiment(
+    "ch4-calibration",
+    item="Jackknife F (calibration)",
+    smoke=Config(runs=5, tasks_seen=(4,), alphas=(0.05,), effects=(1.0,), levels=(2,)),
+    book=Config(runs=400),
+    thesis=Config(runs=2000),
+    seconds=45,
+    was="selector-calibration",
+)
+def kept(config: Config, context: Context) -> list[Kept]:
+    """How often the jackknife F-test keeps an irrelevant and a relevant feature."""
+
+    def one(job: tuple[Null, bool, int, float, int]) -> list[Kept]:
+        null, shared, levels, effect, n = job
+        counts = np.zeros((len(config.alphas), 2), dtype=int)
+        seeds = context.seeds(config.runs, 7, n, round(10 * effect), levels, int(shared))
+        for rng in map(np.random.default_rng, seeds):
+            solutions = planted_solutions(rng, n, effect, levels=levels, shared=shared)
+            for i, alpha in enumerate(config.alphas):
+                counts[i] += JackknifeF(alpha, null=null).fit(solutions).support_
+        records = []
+        for alpha, own in zip(config.alphas, counts.tolist(), strict=True):
+            for feature, count in zip(("relevant", "irrelevant"), own, strict=True):
+                ends = binomtest(count, config.runs).proportion_ci(0.95)
+                share = (count / config.runs, float(ends.low), float(ends.high), config.runs)
+                records.append(Kept(null, shared, levels, effect, alpha, n, feature, *share))
+        return records
+
+    nulls: tuple[Null, ...] = ("t2", "box")
+    jobs = [
+        (null, shared, levels, effect, n)
+        for null, shared, levels, effect, n in product(
+            nulls, (True, False), config.levels, config.effects, config.tasks_seen
+        )
+        # The second null law is shown where it differs, and power once.
+        if (effect == config.effects[-1] or (shared and levels == 2 and null == "t2"))
+    ]
+    return [row for part in context.map(one, jobs, "calibration") for row in part]
+
+
+def _with_interval(ax: Axes, own: pd.DataFrame, shift: float, **look: Any) -> None:
+    ends = [own.kept - own.low, own.high - own.kept]
+    ax.errorbar(own.tasks_seen + shift, own.kept, yerr=ends, marker="o", ms=3, capsize=2, **look)
+
+
+def figure(table: pd.DataFrame, alpha: float) -> Figure:
+    """Size of the test on irrelevant features, and its power, over the number of tasks."""
+    at = table[table.alpha == alpha]
+    fig, axes = plt.subplots(1, 2, figsize=(7.2, 3.6))
+    null = at[(at.feature == "irrelevant") & (at.effect == at.effect.max())]
+    styles = {"t2": "-", "box": "--"}
+    for j, ((law, shared, levels), own) in enumerate(null.groupby(["null", "shared", "levels"])):
+        i = 2 * int(levels == null.levels.max()) + int(shared)
+        label = f"{law}, {levels} values, {'shared' if shared else 'own'} p"
+        # Side by side, so that the intervals can be told apart.
+        shift = 0.12 * (j - 3.5)
+        _with_interval(axes[0], own, shift, color=COLOURS[i], ls=styles[law], lw=1, label=label)
+    axes[0].axhline(alpha, color=PRINTED, lw=1)
+    axes[0].set(xlabel="observed tasks n", ylabel="irrelevant feature kept", ylim=(0, None))
+    power = at[(at.feature == "relevant") & at.shared & (at.null == "t2")]
+    power = power[power.levels == power.levels.min()]
+    for i, (size, own) in enumerate(power.groupby("effect")):
+        _with_interval(axes[1], own, 0.0, color=COLOURS[i], label=f"effect {size:g} sd")
+    axes[1].set(xlabel="observed tasks n", ylabel="relevant feature kept", ylim=(0, 1.05))
+    axes[1].legend(fontsize=8)
+    handles = axes[0].get_legend_handles_labels()
+    fig.legend(*handles, loc="outside lower center", ncols=3, fontsize=7)
+    return fig

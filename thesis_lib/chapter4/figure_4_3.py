@@ -1,0 +1,150 @@
+"""Figure 4.3: feature selection on the triangle, return and place in ROC space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from thesis_lib.chapter3.runs import SETTINGS, Learner
+from thesis_lib.chapter4 import looks, readings
+from thesis_lib.chapter4.looks import SYMBOLS
+from thesis_lib.chapter4.protocol import (
+    SMALL,
+    Flat,
+    Level,
+    Protocol,
+    Selected,
+    ahead,
+    measure,
+    row,
+)
+from thesis_lib.chapter4.runs import Source, solve_domain
+from thesis_lib.domains import triangle
+from thesis_lib.edition.criteria import judged
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.ledger import Finding, criterion
+from thesis_lib.edition.words import several
+
+PRINTED = (0.45, 1.0)
+"""False and true positive rate printed for FS-TEK after five tasks, "around"."""
+
+
+@dataclass(frozen=True)
+class Config:
+    """Settings of figure 4.3."""
+
+    protocol: Protocol = field(default_factory=lambda: Protocol(tasks_seen=(*range(3, 13), 15, 20)))
+    """Sizes."""
+    learner: Learner = SETTINGS["triangle"].learners[0]
+    """Learning and exploration rate: the best of figure 3.3."""
+    fstek: Level = "schedule"
+    """Level of FS-TEK, as printed."""
+    flat: Flat = "unsure"
+    """A colour or a sensor reading that never varied makes the fit singular, hence "unsure"."""
+    source: Source = "exact"
+    """Exact solutions of the observed tasks, or learned ones."""
+
+
+@experiment("figure-4.3", item="Figure 4.3", smoke=Config(SMALL), book=Config(), seconds=30)
+def by_method(config: Config, context: Context) -> list[Selected]:
+    """Feature selection on the triangle: return and ROC space, over tasks seen."""
+    solved = solve_domain(triangle(), config.learner, context, source=config.source)
+    sizes = (config.learner, config.protocol, config.fstek, config.flat)
+    return [Selected(**fields) for fields in measure(solved, *sizes, context, 0)]
+
+
+@criterion("4.3-triangle-improves", by_method)
+def improves(table: pd.DataFrame) -> Finding:
+    """Paired differences of FS-TEK from no selection and from IBKR after five tasks."""
+    five = pd.DataFrame([row(table, method, 5) for method in ("none", "ibkr")])
+    most = row(table, "none", table.tasks_seen.max())
+    soon, late = (
+        several(
+            f"{r.fstek_minus:+.2f} ± {r.fstek_minus_ci95:.2f} over {SYMBOLS[r.method]}"
+            for r in rows
+        )
+        for rows in (five.itertuples(), [most])
+    )
+    return judged(
+        ahead(five).all(),
+        f"After five tasks, paired, n = {most.n_runs}: {soon}; after {most.tasks_seen}: {late}.",
+        dict(zip(five.method, five.fstek_minus, strict=True)),
+    )
+
+
+def _first_within(table: pd.DataFrame, share: float) -> dict[str, float]:
+    """Least number of tasks from which a method stays so near fixed features' return."""
+    by = table.pivot(index="tasks_seen", columns="method", values="mean_return")
+    first = {}
+    for method in ("fs-tek", "ibkr", "none", "jackknife"):
+        near = (by[method] - by.fixed).abs() <= share * by.fixed.abs()
+        # From the last number of tasks backwards, as long as it holds.
+        stays = near[::-1].cummin()
+        first[method] = float(stays.index[stays].min()) if stays.any() else np.inf
+    return first
+
+
+@criterion("4.3-triangle-first", by_method)
+def is_the_first(table: pd.DataFrame) -> Finding:
+    """Which method stays within 2% of fixed features' return first."""
+    first = _first_within(table, 0.02)
+    listed = several(
+        f"{SYMBOLS[method]} {f'from {n:g} tasks' if np.isfinite(n) else 'never'}"
+        for method, n in first.items()
+    )
+    gap = row(table, "fs-tek", 5).mean_return - row(table, "fixed", 5).mean_return
+    return judged(
+        first["fs-tek"] < min(first["ibkr"], first["none"]),
+        f"Within 2% of fixed features' return for good: {listed}. After five tasks FS-TEK is "
+        f"{abs(gap):.2f} {'below' if gap < 0 else 'above'} them.",
+        first,
+    )
+
+
+@criterion("4.3-triangle-all-reach", by_method)
+def all_reach(table: pd.DataFrame) -> Finding:
+    """Return at the largest number of tasks, relative to fixed features."""
+    n = int(table.tasks_seen.max())
+    fixed = row(table, "fixed", n).mean_return
+    by = {m: (row(table, m, n).mean_return - fixed) / abs(fixed) for m in ("none", "ibkr")}
+    listed = several(f"{SYMBOLS[method]} {gap:+.1%}" for method, gap in by.items())
+    return judged(
+        min(by.values()) > -0.05, f"After {n} tasks, relative to fixed features: {listed}.", by
+    )
+
+
+@criterion("4.3-triangle-ibkr", by_method)
+def ibkr_keeps_all(table: pd.DataFrame) -> Finding:
+    """Rates of IBKR on the triangle."""
+    own = table[(table.method == "ibkr") & (table.tasks_seen >= 5)]
+    least = own[["fpr", "tpr"]].min()
+    listed = several(f"{r.fpr:.2f}/{r.tpr:.2f} at {r.tasks_seen}" for r in own.itertuples())
+    return judged(
+        least.min() >= 0.95,
+        f"FPR/TPR {listed}. The text's level of .15 has nothing to act on: with k = |s| there is "
+        "one combination of the tasks.",
+        {"fpr": float(least.fpr), "tpr": float(least.tpr)},
+    )
+
+
+@criterion("4.3-triangle-roc", by_method, readings.by_reading)
+def place_in_roc_space(table: pd.DataFrame, by_reading: pd.DataFrame) -> Finding:
+    """Rates of FS-TEK after five tasks beside the printed .45/1."""
+    five, most = (row(table, "fs-tek", n) for n in (5, table.tasks_seen.max()))
+    formula = by_reading.set_index(["reading", "tasks_seen"]).fpr["alpha(k) by the formula", 5]
+    return judged(
+        abs(five.fpr - PRINTED[0]) <= 0.1 and five.tpr >= 0.95,
+        f"{five.fpr:.2f}/{five.tpr:.2f} after five tasks with alpha = 1e-4 there, as the words "
+        f"have it; {formula:.2f} by the formula, whose level is .0601. After {most.tasks_seen} "
+        f"tasks the false positive rate is {most.fpr:.2f}.",
+        {"fpr": float(five.fpr), "tpr": float(five.tpr)},
+        direction=five.tpr >= 0.9,
+    )
+
+
+def figure(table: pd.DataFrame) -> Figure:
+    """Returns on the left, ROC space with the printed rates on the right."""
+    return looks.selection(table, printed=PRINTED)

@@ -1,0 +1,192 @@
+"""Figure 4.6: feature selection on stock trading with 1 to 5 global factors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import matplotlib.pyplot as plt
+import pandas as pd
+from matplotlib.figure import Figure
+
+from thesis_lib.chapter3.runs import SETTINGS, Learner
+from thesis_lib.chapter4 import looks
+from thesis_lib.chapter4.looks import SYMBOLS
+from thesis_lib.chapter4.protocol import (
+    SMALL,
+    Flat,
+    Level,
+    Protocol,
+    Selected,
+    ahead,
+    behind,
+    measure,
+)
+from thesis_lib.chapter4.runs import Source, solve_domain
+from thesis_lib.domains import stock
+from thesis_lib.edition.criteria import judged
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.ledger import Finding, criterion
+from thesis_lib.edition.words import several
+
+RIVALS = ("ibkr", "none", "random", "fixed")
+"""The methods of the thesis beside FS-TEK."""
+
+
+@dataclass(frozen=True)
+class Config:
+    """Settings of figure 4.6."""
+
+    global_factors: tuple[int, ...] = (1, 2, 3, 4, 5)
+    """G."""
+    protocol: Protocol = field(default_factory=Protocol)
+    """Sizes."""
+    learner: Learner = SETTINGS["stock"].learners[0]
+    """Learning and exploration rate: the best of figure 3.4."""
+    discount: float = 0.9
+    """gamma, not printed."""
+    low: Level = 1e-4
+    """Level of FS-TEK for G < 4."""
+    high: Level = "schedule"
+    """Level for G >= 4: one "that increases with k", its formula not printed."""
+    flat: Flat = "limit"
+    """Ownership has relevance 0 exactly; learned values would give it a small falling one."""
+    source: Source = "exact"
+    """Exact solutions of the observed tasks, or learned ones."""
+
+
+@dataclass(frozen=True)
+class StockSelected(Selected):
+    """One method after one number of observed tasks, for one number of factors."""
+
+    global_factors: int
+    """G."""
+
+
+@experiment(
+    "figure-4.6",
+    item="Figure 4.6",
+    smoke=Config(global_factors=(1, 4), protocol=SMALL),
+    book=Config(protocol=Protocol(runs=100)),
+    thesis=Config(),
+    seconds=42,
+)
+def by_factors(config: Config, context: Context) -> list[StockSelected]:
+    """Feature selection on stock trading with 1 to 5 global factors."""
+    records = []
+    for g in config.global_factors:
+        domain = stock(1, 2, g, discount=config.discount)
+        solved = solve_domain(domain, config.learner, context, source=config.source)
+        level = config.low if g < 4 else config.high
+        sizes = (config.learner, config.protocol, level, config.flat)
+        records += [
+            StockSelected(global_factors=g, **fields)
+            for fields in measure(solved, *sizes, context, 10 + g)
+        ]
+    return records
+
+
+def _rivals(table: pd.DataFrame, *methods: str) -> pd.DataFrame:
+    """Rows of some methods from 4 tasks on, and whether FS-TEK is better or worse there."""
+    own = table[table.method.isin(methods) & (table.tasks_seen >= 4)]
+    return own.assign(better=ahead(own), worse=behind(own))
+
+
+@criterion("4.3-stock-outperforms", by_factors)
+def outperforms(table: pd.DataFrame) -> Finding:
+    """In how many comparisons with each rival FS-TEK is significantly better, G < 4."""
+    own = _rivals(table[table.global_factors < 4], *RIVALS, "constant")
+    by = own.groupby("method")[["better", "worse"]].mean()
+    listed = several(
+        f"{SYMBOLS[m]} better in {by.better[m]:.0%}, worse in {by.worse[m]:.0%}"
+        for m in (*RIVALS, "constant")
+    )
+    better = by.better[list(RIVALS)]
+    return judged(
+        (better > 0.5).all(),
+        f"Against {listed} of the comparisons (G = 1 to 3, 4 tasks or more, paired 95% intervals).",
+        dict(by.better),
+        direction=(better[["ibkr", "none"]] > 0.3).all(),
+    )
+
+
+@criterion("4.3-stock-deteriorates", by_factors)
+def deteriorates(table: pd.DataFrame) -> Finding:
+    """FS-TEK's gain over IBKR and no selection for G of 4 and more, and at G = 1."""
+    own = _rivals(table, "ibkr", "none")
+    low, high = own[own.global_factors == 1], own[own.global_factors >= 4]
+    first, last = float(low.fstek_minus.mean()), float(high.fstek_minus.mean())
+    same = float((~high.better & ~high.worse).mean())
+    return judged(
+        same >= 0.5 and last < first,
+        f"Mean paired gain {first:+.2f} at G = 1 and {last:+.2f} from G = 4 on, where "
+        f"{same:.0%} of the comparisons show no difference.",
+        {"first": first, "last": last, "same": same},
+        direction=last < first,
+    )
+
+
+@criterion("4.3-stock-fixed", by_factors)
+def beats_fixed_features(table: pd.DataFrame) -> Finding:
+    """FS-TEK against fixed features at G = 1, paired."""
+    own = _rivals(table[table.global_factors == 1], "fixed")
+    listed = several(
+        f"{r.fstek_minus:+.1f} ± {r.fstek_minus_ci95:.1f} at {r.tasks_seen}"
+        for r in own.itertuples()
+    )
+    return judged(
+        own.better.mean() > 0.5 and not own.worse.any(),
+        f"Paired gain over fixed features at G = 1: {listed}.",
+        {"better": float(own.better.mean()), "worse": float(own.worse.mean())},
+        direction=own.better.any(),
+    )
+
+
+@criterion("4.3-stock-roc", by_factors)
+def stays_in_roc_space(table: pd.DataFrame) -> Finding:
+    """Spread of FS-TEK's rates over G, at equal numbers of tasks."""
+    own = table[(table.method == "fs-tek") & (table.tasks_seen >= 4)]
+    spreads = []
+    for some in (own[own.global_factors < 4], own):
+        by = some.groupby("tasks_seen")[["fpr", "tpr"]]
+        spreads.append(float((by.max() - by.min()).max().max()))
+    return judged(
+        spreads[0] <= 0.15,
+        f"Over G = 1 to 3, at one level, the rates differ by at most {spreads[0]:.2f}; over G = 1 "
+        f"to 5, with the level changed from 4 on, by up to {spreads[1]:.2f}.",
+        {"spread": spreads[0]},
+    )
+
+
+@criterion("4.3-stock-importance", by_factors)
+def what_matters(table: pd.DataFrame) -> Finding:
+    """Fixed features against a constant over G: what relevant features are worth."""
+    mean = table.groupby(["global_factors", "method"]).mean_return.mean().unstack()
+    gap = (mean.fixed - mean.constant) / mean.constant.abs()
+    listed = several(f"{v:+.0%} at G = {g}" for g, v in gap.items())
+    return judged(
+        gap.iloc[0] < 0 < gap.iloc[-1],
+        f"Return of the relevant features relative to a constant potential: {listed}. Where it is "
+        "below 0, the best thing to do with all features, relevant ones too, is to remove them: "
+        "what helps there is optimism, not selection.",
+        {f"G = {g}": float(v) for g, v in gap.items()},
+    )
+
+
+def figure(table: pd.DataFrame) -> Figure:
+    """Returns and ROC space on stock, one row a number of global factors."""
+    sizes = sorted(table.global_factors.unique())
+    size = (7.2, 0.8 + 1.9 * len(sizes))
+    fig, axes = plt.subplots(len(sizes), 2, figsize=size, sharex="col", squeeze=False)
+    for (left, right), g in zip(axes, sizes, strict=True):
+        own = table[table.global_factors == g]
+        looks.returns(left, own)
+        looks.roc(right, own, near=0.12)
+        left.set_ylabel(f"return, G = {g}", fontsize=9)
+        right.set_ylabel("TPR", fontsize=9)
+    for ax in axes.flat:
+        ax.tick_params(labelsize=8)
+    for ax in axes[:-1].flat:
+        ax.set_xlabel("")
+    handles = axes[0, 0].get_legend_handles_labels()
+    fig.legend(*handles, loc="outside lower center", ncols=4, fontsize=8)
+    return fig

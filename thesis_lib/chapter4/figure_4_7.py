@@ -1,0 +1,357 @@
+"""Figure 4.7: feature selection with function approximation on the heat domain, returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from thesis_lib.arrays import BoolArray
+from thesis_lib.chapter4 import looks
+from thesis_lib.chapter4.heat_runs import BOOK, SMOKE, Config, by_noise, measure_heat
+from thesis_lib.chapter4.looks import SYMBOLS
+from thesis_lib.chapter4.protocol import Protocol, Selected, ahead, behind, summarise
+from thesis_lib.chapter4.runs import Run
+from thesis_lib.edition.criteria import judged
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.ledger import Finding, Verdict, criterion
+from thesis_lib.edition.plots import COLOURS, PRINTED
+from thesis_lib.edition.words import several
+
+FEW = 6
+"""Largest number of tasks that counts as few."""
+
+MANY = 10
+"""Smallest number of tasks that counts as many."""
+
+MARGIN = 0.1
+"""Returns within this share of that without selection count as on a par."""
+
+DIP = (6, 40)
+"""The early episodes after those that the left panel counts."""
+
+
+@dataclass(frozen=True)
+class HeatSelected(Selected):
+    """One method after one number of observed tasks, over some episodes of a test task."""
+
+    sensor: float
+    """sigma_sensor; sigma_slip is .1."""
+    panel: str
+    """first episodes (left), by episode (right), or all followed, their total."""
+    first_episode: int
+    """First episode of a test task that counts, from 1."""
+    last_episode: int
+    """Last episode that counts."""
+    mean_return: float
+    """Mean total reward of these episodes of a test task, over runs."""
+
+
+@experiment("figure-4.7", item="Figure 4.7", smoke=SMOKE, book=BOOK, thesis=Config(), seconds=60)
+def by_episodes(config: Config, context: Context) -> list[HeatSelected]:
+    """Feature selection on the heat domain: return of the first episodes, and by episode."""
+    records = []
+    for sensor in config.sensors:
+        space, size = config.space.with_noise(sensor), config.protocol
+        runs = measure_heat(config, space, context, test=True)
+        spans = [("first episodes", 1, config.first)]
+        records += _over_spans(sensor, spans, runs, size, config.truth)
+        if sensor != config.followed_sensor or not config.followed:
+            continue
+        at = [j for j, n in enumerate(size.tasks_seen) if n in config.followed_at]
+        part = runs.after(at)
+        size = replace(size, tasks_seen=tuple(size.tasks_seen[j] for j in at))
+        spans = [("by episode", *block) for block in blocks(config.followed)]
+        spans = [("all followed", 1, config.followed), *spans]
+        records += _over_spans(sensor, spans, part, size, config.truth)
+    return records
+
+
+def _over_spans(
+    sensor: float, spans: list[tuple[str, int, int]], runs: Run, size: Protocol, truth: BoolArray
+) -> list[HeatSelected]:
+    """Rows on the total return of the episodes of some spans: panel, first and last episode."""
+    records = []
+    for panel, first, last in spans:
+        total = replace(runs, returns=runs.returns[..., first - 1 : last].sum(axis=-1))
+        head: dict[str, Any] = {"first_episode": first, "last_episode": last}
+        records += [
+            HeatSelected(sensor=sensor, panel=panel, **head, **fields)
+            for fields in summarise(size, total, truth)
+        ]
+    return records
+
+
+def blocks(last: int) -> list[tuple[int, int]]:
+    """Blocks of episodes that widen in proportion, as pairs of first and last, from 1 on."""
+    edges = np.unique(np.geomspace(1, last + 1, 18).round().astype(int)).tolist()
+    return [(a, b - 1) for a, b in pairwise(edges)]
+
+
+def _gains(table: pd.DataFrame, panel: str = "first episodes") -> pd.DataFrame:
+    """FS-TEK's paired gain over no selection, by noise, tasks seen and episodes."""
+    own = table[(table.method == "none") & (table.panel == panel)]
+    return own.sort_values(["sensor", "tasks_seen", "first_episode"])
+
+
+@criterion("4.3-heat-jump", by_episodes)
+def jumps(table: pd.DataFrame) -> Finding:
+    """FS-TEK against no selection over the first episodes, for few tasks, at each noise."""
+    own = _gains(table)
+    few = own[own.tasks_seen <= FEW]
+    # Bonferroni over up to four numbers of tasks, on normal quantiles.
+    sure = (few.fstek_minus - few.fstek_minus_ci95 * 2.5 / 1.96 > 0).groupby(few.sensor).any()
+    best = few.loc[few.groupby("sensor").fstek_minus.idxmax()]
+    listed = "; ".join(
+        f"{r.fstek_minus:+.0f} ± {r.fstek_minus_ci95:.0f} of {r.mean_return:.0f} after "
+        f"{r.tasks_seen} tasks at {r.sensor:g}"
+        for r in best.itertuples()
+    )
+    return judged(
+        sure.all(),
+        f"Largest paired gain over no selection for at most {FEW} tasks, in the return of the "
+        f"first {own.last_episode.max()} episodes: {listed} (n = {own.n_runs.iloc[0]} runs).",
+        dict(zip(map(str, best.sensor), best.fstek_minus, strict=True)),
+        direction=sure.any(),
+    )
+
+
+@criterion("4.3-heat-constant", by_episodes)
+def constant_earns_less(table: pd.DataFrame) -> Finding:
+    """A constant potential against FS-TEK and against no selection, for few tasks."""
+    own = table[(table.method == "constant") & (table.panel == "first episodes")]
+    own = own[own.tasks_seen <= FEW]
+    beaten = ahead(own)
+    return judged(
+        beaten.mean() > 0.5,
+        f"For at most {FEW} tasks the constant potential earns significantly less than no "
+        f"selection in {ahead(own, 'none_minus').sum()} and less than FS-TEK in {beaten.sum()} of "
+        f"{len(own)} comparisons.",
+        {"share": float(beaten.mean())},
+    )
+
+
+def _by_noise(table: pd.DataFrame) -> tuple[pd.DataFrame, str]:
+    """FS-TEK's ``gain`` with its half-width ``half`` for few tasks by noise, and a sentence.
+
+    Rows of one noise share runs, so their errors may be fully correlated: half-widths are
+    averaged.
+    """
+    own = _gains(table)
+    few = own[(own.tasks_seen <= FEW) & (own.tasks_seen > 3)].groupby("sensor")
+    by = few[["fstek_minus", "fstek_minus_ci95", "mean_return"]].mean()
+    by = by.set_axis(["gain", "half", "none"], axis=1)
+    listed = several(
+        f"{r.gain:+.0f} ± {r.half:.0f} at {r.Index:g} ({r.gain / abs(r.none):.0%} of the return "
+        "without selection)"
+        for r in by.itertuples()
+    )
+    return by, f"Mean paired gain after 4 to {FEW} tasks by sensor noise: {listed}."
+
+
+def _more(high: pd.Series, low: pd.Series) -> bool:
+    """Whether one gain is above another beyond both intervals."""
+    return bool(high.gain - low.gain > np.hypot(high.half, low.half))
+
+
+@criterion("4.3-heat-noise", by_episodes)
+def grows_with_noise(table: pd.DataFrame) -> Finding:
+    """Gain for few tasks at .02, and at the highest noise, against that at .01."""
+    by, evidence = _by_noise(table)
+    low, second, highest = by.iloc[0], by.iloc[min(1, len(by) - 1)], by.iloc[-1]
+    opposite = _more(low, second)
+    return judged(
+        _more(second, low),
+        evidence,
+        {"low": float(low.gain), "second": float(second.gain), "highest": float(highest.gain)},
+        direction=_more(highest, low) and not opposite,
+        otherwise=Verdict.REFUTED if opposite else Verdict.NOT_REPRODUCED,
+    )
+
+
+@criterion("4.3-heat-peak", by_episodes)
+def peaks(table: pd.DataFrame) -> Finding:
+    """Gain for few tasks above .02 against that at .02."""
+    by, evidence = _by_noise(table)
+    middle = by.iloc[min(1, len(by) - 1)]
+    above = [row for _, row in by.iloc[2:].iterrows()] or [middle]
+    opposite = any(_more(row, middle) for row in above)
+    return judged(
+        all(_more(middle, row) for row in above),
+        evidence,
+        {"middle": float(middle.gain), "above": max(float(row.gain) for row in above)},
+        direction=all(row.gain < middle.gain for row in above) and not opposite,
+        otherwise=Verdict.REFUTED if opposite else Verdict.NOT_REPRODUCED,
+    )
+
+
+@criterion("4.3-heat-par", by_episodes)
+def on_a_par(table: pd.DataFrame) -> Finding:
+    """FS-TEK against no selection for many tasks, with a margin."""
+    own = _gains(table)
+    at = own[own.tasks_seen >= min(MANY, own.tasks_seen.max())]
+    gap, half, margin = at.fstek_minus.abs(), at.fstek_minus_ci95, MARGIN * at.mean_return.abs()
+    near, far = gap + half < margin, gap - half > margin
+    worst = at.loc[(at.fstek_minus / at.mean_return).abs().idxmax()]
+    return judged(
+        near.all(),
+        f"After {at.tasks_seen.min()} tasks and more the paired 95% interval lies within "
+        f"{MARGIN:.0%} of the return without selection in {near.sum()} of {len(at)} "
+        f"combinations; the largest gap is {worst.fstek_minus:+.0f} ± "
+        f"{worst.fstek_minus_ci95:.0f} of {worst.mean_return:.0f}, after {worst.tasks_seen} tasks "
+        f"at {worst.sensor:g}.",
+        {"near": float(near.mean())},
+        otherwise=Verdict.REFUTED if far.mean() > 0.5 else Verdict.NOT_REPRODUCED,
+    )
+
+
+def _early(table: pd.DataFrame, method: str) -> pd.DataFrame:
+    """A method's ``gain`` an episode over no selection in early episodes, by tasks seen."""
+    own = table[(table.method == method) & (table.panel == "by episode")]
+    own = own[(own.first_episode >= DIP[0]) & (own.last_episode <= DIP[1])]
+    # Blocks of one run may be fully correlated, so half-widths add up.
+    by = own.assign(length=own.last_episode - own.first_episode + 1).groupby("tasks_seen")
+    total = by[["none_minus", "none_minus_ci95", "length"]].sum()
+    gain, half = -total.none_minus / total.length, total.none_minus_ci95 / total.length
+    cell = gain.map("{:+.1f}".format) + " ± " + half.map("{:.1f}".format)
+    return pd.DataFrame({"gain": gain, "half": half, "cell": cell})
+
+
+@criterion("4.3-heat-dip", by_episodes)
+def dips(table: pd.DataFrame) -> Finding:
+    """Gain in early episodes by number of tasks, at the noise of the right panel."""
+    own, fixed = _early(table, "fs-tek"), _early(table, "fixed")
+    lower = own.gain + own.half < 0
+    listed, ends = (
+        several(f"{r.cell} after {r.Index}" for r in rows.itertuples())
+        for rows in (own, fixed.loc[[fixed.index.min(), fixed.index.max()]])
+    )
+    return judged(
+        lower.iloc[-1],
+        f"FS-TEK's paired gain an episode in early episodes (from {DIP[0]} to at most {DIP[1]}): "
+        f"{listed} tasks. A potential that removes no feature has no dip. Heat and action alone "
+        f"gain {ends} tasks.",
+        dict(zip(map(str, own.index), own.gain, strict=True)),
+        direction=lower.any(),
+    )
+
+
+@criterion("4.3-heat-total", by_episodes)
+def pays_in_the_end(table: pd.DataFrame) -> Finding:
+    """FS-TEK's and fixed features' gain over all episodes followed."""
+    own = table[table.panel == "all followed"]
+    listed = {
+        method: several(
+            f"{-r.none_minus:+.0f} ± {r.none_minus_ci95:.0f} after {r.tasks_seen}"
+            for r in own[own.method == method].itertuples()
+        )
+        for method in ("fs-tek", "fixed", "jackknife")
+    }
+    at = own[own.method == "fs-tek"]
+    better, worse = behind(at, "none_minus").any(), ahead(at, "none_minus").any()
+    return judged(
+        better and not worse,
+        f"Total of {own.last_episode.max()} episodes, paired gain over no selection: FS-TEK "
+        f"{listed['fs-tek']} tasks; heat and action alone {listed['fixed']}; jackknife F "
+        f"{listed['jackknife']}.",
+        dict(zip(map(str, at.tasks_seen), -at.none_minus, strict=True)),
+        direction=better,
+    )
+
+
+@criterion("4.3-heat-overcome", by_episodes)
+def is_overcome(table: pd.DataFrame) -> Finding:
+    """FS-TEK's gain in the last of the episodes followed."""
+    own = _gains(table, "by episode")
+    late = own[own.last_episode == own.last_episode.max()]
+    length = late.last_episode - late.first_episode + 1
+    gain, earned = late.fstek_minus / length, late.mean_return / length
+    listed = several(f"{g:+.2f} after {n}" for n, g in zip(late.tasks_seen, gain, strict=True))
+    return judged(
+        (late.fstek_minus.abs() < 0.05 * late.mean_return.abs()).all(),
+        f"Mean paired gain an episode in episodes {late.first_episode.min()} to "
+        f"{late.last_episode.max()}: {listed} tasks, of {earned.mean():.1f}.",
+        dict(zip(map(str, late.tasks_seen), gain, strict=True)),
+    )
+
+
+@criterion("4.3.1-few-tasks-heat", by_episodes)
+def helps_most_when_few(table: pd.DataFrame) -> Finding:
+    """Number of tasks at which FS-TEK gains most, by noise."""
+    own = _gains(table)
+    best = own.loc[own.groupby("sensor").fstek_minus.idxmax()]
+    listed = several(f"{r.tasks_seen} at {r.sensor:g}" for r in best.itertuples())
+    return judged(
+        best.tasks_seen.max() <= FEW,
+        f"On the heat domain FS-TEK gains most over no selection after this many tasks: {listed}.",
+        dict(zip(map(str, best.sensor), best.tasks_seen, strict=True)),
+    )
+
+
+def figure(table: pd.DataFrame) -> Figure:
+    """FS-TEK's gain over no selection: first episodes by noise, and episode by episode."""
+    own = table[table.method == "none"]
+    left, right = own[own.panel == "first episodes"], own[own.panel == "by episode"]
+    fig, axes = plt.subplots(1, 2, figsize=(7.2, 3.8))
+    for i, (sensor, at) in enumerate(left.groupby("sensor")):
+        label = rf"$\sigma_{{sensor}}$ = {sensor:g}"
+        look: dict[str, Any] = {
+            "color": COLOURS[i],
+            "marker": "o",
+            "ms": 3,
+            "capsize": 2,
+            "lw": 1.2,
+        }
+        x = at.tasks_seen + 0.06 * (i - 1.5)
+        axes[0].errorbar(x, at.fstek_minus, yerr=at.fstek_minus_ci95, label=label, **look)
+    last = left.last_episode.max()
+    axes[0].set(xlabel="tasks seen", ylabel=f"gain in the first {last} episodes [reward]")
+    _over_episodes(axes[1], right, "fstek_minus", 1)
+    for ax in axes:
+        ax.axhline(0, color=PRINTED, lw=0.8)
+        ax.legend(fontsize=7, ncols=2 if ax is axes[1] else 1)
+    return fig
+
+
+def episodes_figure(table: pd.DataFrame, methods: tuple[str, ...]) -> Figure:
+    """Gain over no selection episode by episode, one panel a method."""
+    own = table[table.panel == "by episode"]
+    fig, axes = plt.subplots(1, len(methods), figsize=(7.2, 3.6), sharey=True, squeeze=False)
+    for ax, method in zip(axes[0], methods, strict=True):
+        _over_episodes(ax, own[own.method == method], "none_minus", -1)
+        ax.axhline(0, color=PRINTED, lw=0.8)
+        ax.set_title(SYMBOLS[method])
+    for ax in axes[0, 1:]:
+        ax.set_ylabel("")
+    axes[0, 0].legend(fontsize=7, ncols=2)
+    return fig
+
+
+def _over_episodes(ax: Axes, rows: pd.DataFrame, gap: str, sign: int) -> None:
+    """Gain an episode over blocks of episodes, one line a number of tasks."""
+    grid = sorted(rows.tasks_seen.unique())
+    for i, n in enumerate(grid):
+        at = rows[rows.tasks_seen == n].sort_values("first_episode")
+        length = at.last_episode - at.first_episode + 1
+        middle, mean = (at.first_episode + at.last_episode) / 2, sign * at[gap] / length
+        half = at[f"{gap}_ci95"] / length
+        colour = plt.get_cmap("viridis")(0.9 * i / max(len(grid) - 1, 1))
+        ax.plot(middle, mean, "o-", ms=2.5, color=colour, lw=1.2, label=f"{n} tasks")
+        ax.fill_between(middle, mean - half, mean + half, color=colour, alpha=0.15, lw=0)
+    ax.set(xlabel="episode", ylabel="gain an episode [reward]", xscale="log")
+    ax.set_yscale("symlog", linthresh=10.0)
+
+
+def methods_figure(table: pd.DataFrame) -> Figure:
+    """Return of the first episodes for all methods, one panel a level of noise."""
+    own = table[table.panel == "first episodes"]
+    fig, axes = by_noise(own, looks.returns, height=5.6, legend_columns=4)
+    for ax in axes[:, 0]:
+        ax.set_ylabel("return, first episodes")
+    return fig
