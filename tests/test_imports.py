@@ -32,8 +32,8 @@ LAYERS = (
     },
     {"training"},
     {"edition"},
-    {"appendix_a", "chapter2", "chapter3", "experiments", "chapter4", "chapter5", "chapter6"},
-    {"claims", "book", "cli", "cli_parts", "cli_training"},
+    {"appendix_a", "chapter2", "chapter3", "chapter4", "chapter5", "chapter6"},
+    {"book", "cli", "cli_parts", "cli_training"},
 )
 LEVEL = {unit: level for level, units in enumerate(LAYERS) for unit in units}
 EXPERIMENTS = LEVEL["training"]

@@ -3,7 +3,7 @@
 The build re-executes a notebook, and numba compiles a loop again, when a module it imports,
 directly or through others, has changed.  Imports are read and not run; those inside functions
 count as well.  An import by name (``importlib.import_module``) cannot be seen, which is how
-``thesis_lib.experiments`` can know every chapter without making each notebook depend on all.
+``thesis_lib.edition.chapters`` can know every chapter without making each notebook depend on all.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from tests.surroundings import ROOT, python
 from thesis_lib.book.execution import NotebookFailedError, Run, execute, finished, plan
 from thesis_lib.book.paths import Paths
 
-START = "from thesis_lib.book import notebook as nb\npage = nb.start(globals())"
+START = "from thesis_lib.edition.page import start\npage = start(globals())"
 FIGURE = {"mystnb": {"figure": {"name": "fig-x", "caption": "A line."}}}
 DRAW = "import matplotlib.pyplot as plt\nplt.plot([0, 1])\nplt.title('title');"
 TELL = """\

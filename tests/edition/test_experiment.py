@@ -34,7 +34,7 @@ EXPERIMENT = base.Experiment(
     function=noise,
     budgets={"smoke": Config(2), "book": Config(5), "thesis": Config(7)},
     columns={"run": "index", "value": "a normal number"},
-    seconds={"smoke": 0, "book": 0, "thesis": 0},
+    seconds=0,
 )
 
 

@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -204,8 +203,7 @@ def figure(table: pd.DataFrame, scale: pd.DataFrame) -> Figure:
         share = own.features if varied == "pairs" else 1
         own = own.assign(seconds=own.cpu_seconds / share)
         for i, (method, curve) in enumerate(own.groupby("method")):
-            look: dict[str, Any] = {"color": COLOURS[i], "label": str(method)}
-            ax.loglog(curve[varied], curve.seconds, "o-", ms=4, **look)
+            ax.loglog(curve[varied], curve.seconds, "o-", ms=4, color=COLOURS[i], label=str(method))
         _linear(ax, own[own.method == "algorithm 8"], varied)
         if varied in ("tasks", "features"):
             ax.set_xticks(sorted(own[varied].unique()), sorted(own[varied].unique()))
@@ -215,8 +213,8 @@ def figure(table: pd.DataFrame, scale: pd.DataFrame) -> Figure:
     ax = axes.flat[4]
     scale = scale.assign(seconds=scale.cpu_seconds)
     for i, (method, curve) in enumerate(scale.groupby("method")):
-        look: dict[str, Any] = {"color": COLOURS[2 + i], "label": f"select: {SYMBOLS[str(method)]}"}
-        ax.loglog(curve.pairs, curve.seconds, "s-", ms=4, **look)
+        label = f"select: {SYMBOLS[str(method)]}"
+        ax.loglog(curve.pairs, curve.seconds, "s-", ms=4, color=COLOURS[2 + i], label=label)
     _linear(ax, scale[scale.method == "jackknife"], "pairs")
     ax.set_xlabel(f"pairs N, {scale.tasks.max()} tasks")
     ax.set_ylabel("seconds a selection", fontsize=9)

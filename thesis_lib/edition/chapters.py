@@ -9,7 +9,6 @@ import difflib
 import warnings
 from collections import Counter
 from importlib import import_module
-from importlib.util import find_spec
 from itertools import chain
 from typing import Any, TypeVar
 
@@ -23,25 +22,8 @@ ItemT = TypeVar("ItemT", Experiment[Any], Claim, Difference)
 
 
 def chapter(name: str) -> Chapter:
-    """A chapter's results: of ``thesis_lib.NAME``, of the old form or, while they move, of both."""
-    parts = []
-    if _is_package(f"thesis_lib.{name}"):
-        parts.append(read_chapter(import_module(f"thesis_lib.{name}")))
-    if _is_package(f"thesis_lib.experiments.{name}"):
-        ledger = import_module(f"thesis_lib.claims.{name}")
-        found = import_module(f"thesis_lib.experiments.{name}").EXPERIMENTS
-        parts.append(Chapter(found, ledger.CLAIMS, ledger.DIFFERENCES))
-    return Chapter(
-        tuple(chain.from_iterable(part.experiments for part in parts)),
-        tuple(chain.from_iterable(part.claims for part in parts)),
-        tuple(chain.from_iterable(part.differences for part in parts)),
-    )
-
-
-def _is_package(name: str) -> bool:
-    """Whether there is such a package; a folder that only caches are left in is none."""
-    spec = find_spec(name)
-    return spec is not None and spec.origin is not None
+    """A chapter's results, such as those of ``thesis_lib.chapter3``."""
+    return read_chapter(import_module(f"thesis_lib.{name}"))
 
 
 def experiments() -> dict[str, Experiment[Any]]:

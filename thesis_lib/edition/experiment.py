@@ -155,7 +155,7 @@ class Experiment(Generic[ConfigT]):
     function: Callable[[ConfigT, Context], pd.DataFrame]
     budgets: Mapping[str, ConfigT]
     columns: Mapping[str, str]
-    seconds: float | Mapping[str, float]
+    seconds: float
     was: str = ""
 
     def __post_init__(self) -> None:
@@ -164,8 +164,6 @@ class Experiment(Generic[ConfigT]):
                 f"experiment {self.id!r} has budgets for {sorted(self.budgets)}, but needs exactly "
                 f"{', '.join(BUDGETS)}."
             )
-        if isinstance(self.seconds, Mapping):  # as chapters of the old form write it
-            object.__setattr__(self, "seconds", self.seconds["book"])
 
     def config(self, budget: str) -> ConfigT:
         """The config at a budget; ValueError names the budgets when it does not exist."""
@@ -433,8 +431,3 @@ def results_directory(budget: str = "book") -> Path:
     """
     override = os.environ.get("THESIS_RESULTS")
     return Path(override) if override else repository_root() / "_build" / "results" / budget
-
-
-def rows(records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """A tidy table from one mapping a row."""
-    return pd.DataFrame.from_records(list(records))

@@ -466,32 +466,3 @@ def select(claims: Iterable[Claim], only: Iterable[str] = ()) -> list[Claim]:
             raise ValueError(f"no claim's id or section starts with {text!r}: see `thesis claims`.")
         chosen |= {claim.id: claim for claim in own}
     return list(chosen.values()) if only else listed
-
-
-def verdicts(
-    ledger: Iterable[Claim], tables: Tables, prefix: str = "", *, budget: str = "book"
-) -> pd.DataFrame:
-    """Judge the claims whose evidence is among the tables given, for a chapter's own page.
-
-    Parameters
-    ----------
-    ledger
-        A chapter's claims.
-    tables
-        Tables by experiment id.
-    prefix
-        Only claims whose id starts so.
-    budget
-        At ``smoke`` nothing is judged: every verdict is ``inconclusive``.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns ``claim``, ``verdict``, ``evidence``; one row a claim.
-    """
-    ready = [c for c in ledger if c.id.startswith(prefix) and set(c.experiments) <= set(tables)]
-    found = [(c, finding(c, tables, budget)) for c in ready]
-    return pd.DataFrame(
-        [(c.statement, str(f.verdict), f.evidence) for c, f in found],
-        columns=["claim", "verdict", "evidence"],
-    )
