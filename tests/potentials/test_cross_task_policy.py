@@ -9,7 +9,7 @@ from thesis_lib.potentials.cross_task_policy import (
     OBJECTIVES,
     CrossTaskProblem,
     GeneticAlgorithm,
-    climb,
+    gradient_ascent,
     softmax_policy,
 )
 
@@ -86,16 +86,16 @@ def test_values_agree_with_exact_evaluation():
     assert problem.value(policy) == pytest.approx(exact, rel=1e-7)
 
 
-def test_climbing_solves_the_bandits():
-    found = climb(CrossTaskProblem(bandits()), np.random.default_rng(0), restarts=3)
+def test_gradient_ascent_solves_the_bandits():
+    found = gradient_ascent(CrossTaskProblem(bandits()), np.random.default_rng(0), restarts=3)
     assert found.value == pytest.approx(3.0, rel=1e-4)  # always B: .5 * 3 / .5
     assert found.policy[0, 1] > 0.999
 
 
-def test_climbing_beats_random_search():
+def test_gradient_ascent_beats_random_search():
     """3,000 random soft policies and 3,000 that are all but deterministic."""
     problem = CrossTaskProblem(DOMAINS["continuing"], "stationary")
-    found = climb(problem, np.random.default_rng(0), restarts=12)
+    found = gradient_ascent(problem, np.random.default_rng(0), restarts=12)
     rng = np.random.default_rng(1)
     soft = softmax_policy(rng.normal(scale=3, size=(3000, *problem.domain.shape)))
     assert found.value > problem.value(soft).max()
@@ -128,7 +128,7 @@ def test_bad_input():
     with pytest.raises(ValueError, match="population 1"):
         GeneticAlgorithm(population=1)
     with pytest.raises(ValueError, match="restarts is 0"):
-        climb(CrossTaskProblem(bandits()), np.random.default_rng(0), restarts=0)
+        gradient_ascent(CrossTaskProblem(bandits()), np.random.default_rng(0), restarts=0)
 
 
 @pytest.mark.parametrize("domain", DOMAINS)

@@ -26,7 +26,7 @@ from thesis_lib.edition.criteria import Pair, ordered
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.mdp import TabularMDP
-from thesis_lib.potentials.cross_task_policy import CrossTaskProblem, climb
+from thesis_lib.potentials.cross_task_policy import CrossTaskProblem, gradient_ascent
 from thesis_lib.stats import Summary, mean_ci
 
 MOVES = ((0, 1), (1, 0), (0, -1), (-1, 0))
@@ -129,7 +129,7 @@ class Policy:
     size: int
     """Cells on a side."""
     policy: str
-    """uniform, tour, climbed (gradient search); or a potential that is no policy's: Q_star, none,
+    """uniform, tour, gradient ascent; or a potential that is no policy's: Q_star, none,
     constant (the tour's level without its order)."""
     value: float
     """Mean discounted return over goals and starts; none where there is no policy."""
@@ -159,12 +159,14 @@ def rooms(config: Config, context: Context) -> list[Policy]:
         domain = empty_room(size, config.discount)
         uniform = np.full(domain.shape, 0.25)
         rng = np.random.default_rng(context.seed)
-        found = climb(CrossTaskProblem(domain, "start"), rng, restarts=config.restarts).policy
-        policies = {"uniform": uniform, "climbed": found}
+        found = gradient_ascent(
+            CrossTaskProblem(domain, "start"), rng, restarts=config.restarts
+        ).policy
+        policies = {"uniform": uniform, "gradient ascent": found}
         if size % 2 == 0:
             policies["tour"] = np.eye(4)[tour(size)]
         phi = {name: potentials.q_mu(domain, mu) for name, mu in policies.items()}
-        level = float(phi["tour" if "tour" in phi else "climbed"].mean())
+        level = float(phi["tour" if "tour" in phi else "gradient ascent"].mean())
         phi |= {
             "Q_star": potentials.q_star(domain),
             "none": potentials.constant_potential(domain, 0.0),

@@ -15,7 +15,11 @@ from thesis_lib.edition.criteria import share_at_least
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.words import number
-from thesis_lib.potentials.cross_task_policy import CrossTaskProblem, GeneticAlgorithm, climb
+from thesis_lib.potentials.cross_task_policy import (
+    CrossTaskProblem,
+    GeneticAlgorithm,
+    gradient_ascent,
+)
 
 
 @dataclass(frozen=True)
@@ -75,7 +79,7 @@ def searches(config: Config, context: Context) -> list[Search]:
         genetic = [config.ga.search(problem, np.random.default_rng(s)).value for s in seeds[1:]]
         spent = time.thread_time() - clock
         clock = time.thread_time()
-        best = climb(problem, np.random.default_rng(seeds[0]), restarts=config.restarts)
+        best = gradient_ascent(problem, np.random.default_rng(seeds[0]), restarts=config.restarts)
         reached = best.history
         found = (
             ("uniform", uniform, uniform, 1, 0.0),

@@ -52,7 +52,7 @@ READINGS: Mapping[str, Reading] = {
     "GA, 10 generations": Reading(replace(GA, ga=GeneticAlgorithm(generations=10))),
     "GA, 100 generations": Reading(replace(GA, ga=GeneticAlgorithm(generations=100))),
     "GA, tournaments": Reading(replace(GA, ga=GeneticAlgorithm(selection="tournament"))),
-    "exact gradients": Reading(MuSearch("climb")),
+    "exact gradients": Reading(MuSearch("gradient")),
     "uniform policy": Reading(),
     "GA, goal keeps its potential": Reading(GA, goal_keeps_potential=True),
     "Q*, goal keeps its potential": Reading(kind="Q_star", goal_keeps_potential=True),

@@ -21,7 +21,11 @@ from thesis_lib.edition.experiment import Context, Returns, returns
 from thesis_lib.edition.plots import COLOURS, band
 from thesis_lib.mdp.learning import Method, learn
 from thesis_lib.potentials import Weighting
-from thesis_lib.potentials.cross_task_policy import CrossTaskProblem, GeneticAlgorithm, climb
+from thesis_lib.potentials.cross_task_policy import (
+    CrossTaskProblem,
+    GeneticAlgorithm,
+    gradient_ascent,
+)
 
 Potential = Literal["none", "Q_star", "Q_tilde", "Q_mu", "constant"]
 POTENTIALS: tuple[Potential, ...] = ("none", "Q_star", "Q_tilde", "Q_mu", "constant")
@@ -63,10 +67,10 @@ DASH: Mapping[str, str] = {"none": ":", "constant": "--"}
 class MuSearch:
     """How the cross-task policy of Q_mu is found and its values averaged."""
 
-    method: Literal["climb", "ga"] = "climb"
+    method: Literal["gradient", "ga"] = "gradient"
     """Exact gradients with restarts, or the genetic algorithm of footnote 2."""
     restarts: int = 10
-    """Starting points of ``climb``."""
+    """Starting points of ``gradient_ascent``."""
     ga: GeneticAlgorithm = field(default_factory=GeneticAlgorithm)
     """Settings of ``ga``."""
     objective: Literal["start", "stationary"] = "stationary"
@@ -80,7 +84,7 @@ class MuSearch:
         rng = np.random.default_rng(seed)
         if self.method == "ga":
             return self.ga.search(problem, rng).policy
-        return climb(problem, rng, restarts=self.restarts).policy
+        return gradient_ascent(problem, rng, restarts=self.restarts).policy
 
     def potential(self, domain: Domain, seed: int) -> FloatArray:
         r"""The potential :math:`Q^\mu_d`, shape ``(O, A)``."""

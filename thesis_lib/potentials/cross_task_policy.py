@@ -409,7 +409,7 @@ class GeneticAlgorithm:
         return rng.choice(order, size=n, p=weight / weight.sum())
 
 
-def climb(
+def gradient_ascent(
     problem: CrossTaskProblem,
     rng: np.random.Generator,
     *,
