@@ -45,7 +45,7 @@ def test_a_gait_needs_time() -> None:
 def test_joints_swing_as_the_gait_says() -> None:
     search = Search(generations=3, population=12, elite=4, seconds=1.0)
     learner = live.Config(iterations=1, batch_steps=100, horizon=50, seeds=1)
-    config = gaits.Config(search, 1, learner, worlds=2)
+    config = gaits.Config(search, 1, learner, episodes=2)
     table = gaits.episodes.run(config=config).table
     assert len(table) == 2 * (5 + 1)
     swimmer = table[(table.robot == "Swimmer") & (table.controller == NAME)]

@@ -75,7 +75,7 @@ class Config:
     """Independent searches for each robot."""
     learner: live.Config = field(default_factory=live.Config)
     """The runs of ``ch5-live``, whose networks are watched."""
-    worlds: int = 3
+    episodes: int = 3
     """Episodes of each controller, which start from different states."""
     seconds: float = 12.0
     """Length of an episode [s]."""
@@ -93,8 +93,8 @@ class Episode:
     """open-loop gait, or the network that was trained; greedy, on flat ground."""
     index: int
     """Index of the search, or of the run."""
-    world: int
-    """Episode."""
+    episode: int
+    """Index."""
     seconds: float
     """Length of the episode; less than asked for after a fall."""
     distance: float
@@ -111,7 +111,7 @@ class Episode:
         search=SMOKE_SEARCH,
         searches=1,
         learner=live.Config(iterations=1, batch_steps=200, horizon=100, seeds=1),
-        worlds=1,
+        episodes=1,
     ),
     book=Config(),
     thesis=Config(searches=10),
@@ -124,10 +124,10 @@ def episodes(config: Config, context: Context) -> list[Episode]:
     def open_loop(job: tuple[str, int]) -> list[Episode]:
         robot, index = job
         batch = _batch(robot, config, context, 0, index)
-        act = find_gait(robot, config.search, context.seed, index).controller(config.worlds)
-        angles, length = [], np.zeros(config.worlds, dtype=int)
+        act = find_gait(robot, config.search, context.seed, index).controller(config.episodes)
+        angles, length = [], np.zeros(config.episodes, dtype=int)
         batch.reset()
-        start, running = batch.qpos[:, 0], np.ones(config.worlds, dtype=bool)
+        start, running = batch.qpos[:, 0], np.ones(config.episodes, dtype=bool)
         while running.any():
             angles.append(_joints(batch, robot))
             step = batch.step(act(len(angles) - 1))
@@ -161,7 +161,7 @@ def episodes(config: Config, context: Context) -> list[Episode]:
 def _batch(robot: str, config: Config, context: Context, *key: int) -> BatchTask:
     (seed,) = context.seeds(1, 5, 11, list(ROBOTS).index(robot), *key)
     steps = round(config.seconds / ROBOTS[robot].control_dt)
-    return BatchTask(robot, config.worlds, seed=seed, max_episode_steps=steps)
+    return BatchTask(robot, config.episodes, seed=seed, max_episode_steps=steps)
 
 
 def _joints(batch: BatchTask, robot: str) -> FloatArray:
@@ -176,14 +176,14 @@ def _records(
     distance: FloatArray,
     skip: float,
 ) -> list[Episode]:
-    """One row a world; a robot that falls too early for two cycles has no frequency."""
+    """One row an episode; a robot that falls too early for two cycles has no frequency."""
     dt = ROBOTS[key[0]].control_dt
     first = round(skip / dt)
     records = []
-    for world, n in enumerate(length):
+    for i, n in enumerate(length):
         long_enough = (n - first) * dt >= 2 / SLOWEST
-        frequency = gait_frequency(angles[first:n, world], dt) if long_enough else np.nan
-        records.append(Episode(*key, world, n * dt, distance[world], frequency))
+        frequency = gait_frequency(angles[first:n, i], dt) if long_enough else np.nan
+        records.append(Episode(*key, i, n * dt, distance[i], frequency))
     return records
 
 

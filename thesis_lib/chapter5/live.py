@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 
 import matplotlib.pyplot as plt
@@ -37,14 +37,9 @@ class Config:
 
     def run(self, seed: int) -> TrainConfig:
         """The training run of a seed: as ``thesis train`` would make it."""
-        return TrainConfig(
-            task=self.task,
-            architecture=self.architecture,
-            seed=seed,
-            iterations=self.iterations,
-            batch_steps=self.batch_steps,
-            horizon=self.horizon,
-        )
+        settings = asdict(self)
+        del settings["seeds"]
+        return TrainConfig(**settings, seed=seed)
 
 
 @lru_cache(maxsize=8)
