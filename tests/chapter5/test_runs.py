@@ -4,6 +4,10 @@ import pandas as pd
 import pytest
 
 from thesis_lib.chapter5.runs import read_runs
+from thesis_lib.training import curves
+from thesis_lib.training.config import TrainConfig
+from thesis_lib.training.suite import SuiteConfig, evaluate_all, write
+from thesis_lib.training.sweep import sweep
 
 RUN = {"task": "Hopper", "terrain": "flat", "architecture": "gru", "variant": "default"}
 
@@ -91,3 +95,19 @@ def test_a_file_without_a_column_is_named(tmp_path):
         ValueError, match=r"curves\.csv of the layer 'depth' lacks the columns seed"
     ):
         read_runs(tmp_path)
+
+
+def test_the_store_is_what_a_sweep_and_its_tests_write(tmp_path):
+    """Both write more files, and more columns, than are read; tests may have folders of theirs."""
+    config = TrainConfig("HalfCheetah", architecture="ffwd", iterations=1, batch_steps=1000)
+    sweep([config], tmp_path / "runs", workers=1)
+    out = tmp_path / "store" / "layer"
+    curves.write([config], tmp_path / "runs", out, command="")
+    suite = SuiteConfig(conditions=("base",), runs=2, steps=5)
+    tests = evaluate_all(out / "policies.pt", suite, workers=1)
+    write(tests, out / "policies.pt", suite, out / "base", command="")
+    runs = read_runs(tmp_path / "store")
+    (curve,), (tested,) = runs.learning().to_dict("records"), runs.returns().to_dict("records")
+    assert curve["batch_steps"] == 1000
+    assert (tested["variant"], tested["intervention"]) == ("default", "none")
+    assert tested["return"] == tests["return"].mean()

@@ -234,6 +234,18 @@ def test_variants_of_a_grid() -> None:
     assert key(ctrnn)["variant"] == "trace=0.5, time_constant=0.2"
 
 
+def test_a_variant_that_is_the_default_is_no_other_run() -> None:
+    """Table 5.1 prints .35 for the DTRNN on the hopper; the FFWD's output starts at a tenth."""
+    variants = ("delta_kl=0.35", "head_scale=0.1")
+    grid = Grid(("Hopper",), ("flat",), ("dtrnn", "ffwd"), variants=variants)
+    assert [(c.architecture, key(c)["variant"]) for c in grid.runs()] == [
+        ("dtrnn", "default"),
+        ("dtrnn", "head_scale=0.1"),
+        ("ffwd", "default"),
+        ("ffwd", "delta_kl=0.35"),
+    ]
+
+
 @pytest.mark.parametrize("text", ["bootstrap", "wings=2", "iterations=3", "seed=1", ""])
 def test_variants_that_cannot_be(text: str) -> None:
     with pytest.raises(ValueError, match="does not name a setting and its value"):

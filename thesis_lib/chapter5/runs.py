@@ -159,9 +159,7 @@ def read_runs(folder: Path | str | None = None) -> Runs:
 
 def _read(root: Path, name: str, columns: Mapping[str, str]) -> pd.DataFrame:
     parts = [pd.DataFrame(columns=[*columns, "layer"])]
-    for path in sorted(root.glob(f"**/{name}.*")):
-        if path.suffix not in (".csv", ".parquet"):
-            continue
+    for path in sorted(p for s in (".csv", ".parquet") for p in root.glob(f"**/{name}{s}")):
         table = pd.read_csv(path) if path.suffix == ".csv" else pd.read_parquet(path)
         if name == "tests":
             missing = {"correlation": 0.0, "intervention": "none"}

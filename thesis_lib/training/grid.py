@@ -11,7 +11,7 @@ from typing import Any
 
 from thesis_lib.checks import plain_settings
 from thesis_lib.policies import ARCHITECTURES
-from thesis_lib.training.config import TASK_NAMES, TrainConfig, idle_settings
+from thesis_lib.training.config import TASK_NAMES, TrainConfig, idle_settings, settled
 
 GRID = ("task", "terrain", "architecture", "seed", "precision")
 """Settings a sweep has a list of."""
@@ -49,7 +49,7 @@ class Grid:
     """float32, float64."""
     variants: tuple[str, ...] = ()
     """Settings to try besides the default, such as "bootstrap=True" or "trace=0.97,damping=0.1";
-    nets on which they have no effect are left out."""
+    nets on which they have no effect, or that have them by default, are left out."""
 
     def __post_init__(self) -> None:
         plain_settings(self)
@@ -75,7 +75,7 @@ class Grid:
         """
         base = base or TrainConfig()
         variants = [{}, *map(parse_variant, self.variants)]
-        found = []
+        found: dict[str, TrainConfig] = {}
         for task, terrain, net, variant, seed, precision in itertools.product(
             self.tasks, self.terrains, self.architectures, variants, self.seeds, self.precisions
         ):
@@ -84,8 +84,8 @@ class Grid:
             )
             changed = dataclasses.replace(config, **variant)
             if not set(variant) & set(idle_settings(changed)):
-                found.append(changed)
-        return found
+                found.setdefault(run_name(changed), changed)
+        return list(found.values())
 
 
 def parse_variant(text: str) -> dict[str, Any]:
@@ -113,8 +113,14 @@ def parse_variant(text: str) -> dict[str, Any]:
 
 
 def variant(config: TrainConfig) -> str:
-    """Settings of a run that differ from the defaults and have an effect, as text."""
-    default, idle = TrainConfig(), idle_settings(config)
+    """Settings of a run that differ from the defaults and have an effect, as text.
+
+    One that is given the value its default comes to does not differ.
+    """
+    default, idle = TrainConfig(), list(idle_settings(config))
+    left = {name: getattr(default, name) for name in settled(config)}
+    chosen, by_default = settled(config), settled(dataclasses.replace(config, **left))
+    idle += [name for name in left if chosen[name] == by_default[name]]
     parts = [
         f"{f.name}={getattr(config, f.name)}"
         for f in dataclasses.fields(config)
