@@ -146,6 +146,9 @@ def test_pages_tell_the_verdict_over_roots_and_the_one_here():
     assert replace(here, over=None).told() == "refuted"
     row = "\n".join(scoreboard._row(here))
     assert "`thesis claims often --seeds 10`" in row
+    assert "earlier state of the code" in row
+    now = replace(over, code=roots.code_of_claim(CLAIMS[0], "book"))
+    assert "earlier state" not in "\n".join(scoreboard._row(replace(here, over=now)))
 
 
 def test_the_tally_counts_neither_identities_nor_claims_of_our_own():

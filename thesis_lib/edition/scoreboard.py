@@ -164,6 +164,8 @@ def _row(j: Judgement) -> list[str]:
     ]
     if j.claim.experiments:
         lines.append(f"- *Judge it again*: `thesis claims {j.claim.id} --seeds 10`")
+    if j.over and j.over.code != roots.code_of_claim(j.claim, j.over.budget):
+        lines.append("- *State*: the verdicts over roots were made by an earlier state of the code")
     return [*lines, ""]
 
 
