@@ -18,6 +18,7 @@ from thesis_lib import chapter2, chapter3, chapter6
 from thesis_lib.edition.ledger import Claim, Verdict, read_chapter
 
 from .chapter2 import test_criteria
+from .chapter4 import test_criteria as chapter4_cases
 
 CLAIMS: dict[str, Claim] = {
     c.id: c for package in (chapter2, chapter3, chapter6) for c in read_chapter(package).claims
@@ -345,6 +346,14 @@ HELD_ELSEWHERE = {
 def test_every_claim_that_evidence_decides_has_its_case() -> None:
     decided = {c.id for c in CLAIMS.values() if c.kind == "evidence" and c.experiments}
     assert decided == set(CASES) | set(HELD_ELSEWHERE)
+
+
+def test_chapter_4_has_a_table_for_and_one_against_each_claim() -> None:
+    """Its cases stand beside its tables, in tests/chapter4/test_criteria.py."""
+    for claim, cases in chapter4_cases.CASES.items():
+        found = {verdict for _, verdict in cases}
+        assert Verdict.REPRODUCED in found, claim
+        assert len(found) > 1, claim
 
 
 @pytest.mark.parametrize("claim", CASES)
