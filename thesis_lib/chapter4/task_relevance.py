@@ -390,10 +390,9 @@ def figure(table: pd.DataFrame, tasks_seen: int) -> Figure:
 def shown(table: pd.DataFrame) -> pd.DataFrame:
     """What the task-relevant table saves and costs, one row a domain and number of tasks."""
     once = table.drop_duplicates(["domain", "tasks_seen", "method"])
-    once = once.set_index(["domain", "tasks_seen", "method"])
     records = []
-    for domain, n in dict.fromkeys(zip(table.domain, table.tasks_seen, strict=True)):
-        own = once.loc[(domain, n)]
+    for (domain, n), rows in once.groupby(["domain", "tasks_seen"], sort=False):
+        own = rows.set_index("method")
         small = own.loc["table"]
         gap = f"{small.hidden_gap:+.2f}{PM}{small.hidden_gap_ci95:.2f}"
         records.append(
