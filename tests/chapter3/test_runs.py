@@ -34,7 +34,7 @@ def test_greedy_path_reaches_the_goal_without_exploration():
 def test_total_rewards_are_what_the_learner_earned():
     """On a deterministic greedy walk the total is known: the cliff's best path costs 5."""
     domain = episodic_cliff(True)
-    learner = runs.Learner("q_learning", 1.0, 0.0, episodes=3)
+    learner = runs.TabularLearner("q_learning", 1.0, 0.0, episodes=3)
     phi = potentials.q_star(domain)
     first = runs.total_rewards(Context(seed=1), domain, [(learner, phi)], 2)
     assert first.shape == (1, 8, 2)
@@ -45,7 +45,7 @@ def test_a_potential_draws_the_learner_towards_what_it_values():
     """A task's own Q* walks its best path from the first step, -5 an episode; -Q* leads astray."""
     every = episodic_cliff(False)
     domain = Domain("one task", every.tasks[:1], members=[every.observation_index[0] >= 0])
-    learner = runs.Learner("q_learning", 1.0, 0.0, episodes=3)
+    learner = runs.TabularLearner("q_learning", 1.0, 0.0, episodes=3)
     phi = potentials.q_star(domain)
     cells = [(learner, phi), (learner, -phi)]
     towards, away = runs.total_rewards(Context(seed=1), domain, cells, 2)

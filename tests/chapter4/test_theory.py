@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.chapter3.runs import Learner
+from thesis_lib.chapter3.runs import TabularLearner
 from thesis_lib.chapter4 import (
     estimators,
     figure_4_1,
@@ -28,7 +28,7 @@ from thesis_lib.relevance import domain_relevance, estimate, k_relevance, remove
 from thesis_lib.selection import FSTEK, ExactRelevance
 
 CONTEXT = Context(seed=3)
-LEARNER = Learner("q_learning", 0.5, 0.01, episodes=3)
+LEARNER = TabularLearner("q_learning", 0.5, 0.01, episodes=3)
 
 
 # Figure 4.1.
@@ -170,7 +170,7 @@ def test_cliff_position_is_labelled_irrelevant_by_exception_only():
 
 
 def test_solutions_can_be_learned():
-    learner = Learner("q_learning", 0.5, 0.1, episodes=50)
+    learner = TabularLearner("q_learning", 0.5, 0.1, episodes=50)
     for target in ("Q_star", "Q_tilde"):
         exact = task_solutions(triangle(), target, "exact", learner, CONTEXT)
         learned = task_solutions(triangle(), target, "learned", learner, CONTEXT)

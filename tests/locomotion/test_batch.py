@@ -9,8 +9,8 @@ from thesis_lib.locomotion.batch import (
     ACTION_LIMIT,
     DIVERGENCE_REWARD,
     PERSISTENT_WORLDS,
+    Attachment,
     BatchTask,
-    Context,
     Effect,
     Perturbation,
 )
@@ -436,7 +436,7 @@ class Recording(Perturbation):
     def sensors(self, names):
         return names[:3]
 
-    def attach(self, context: Context):
+    def attach(self, context: Attachment):
         self.context = context
         return Recorder(self.calls)
 

@@ -436,7 +436,7 @@ def test_pushes_come_and_go():
     """Forces during steps 3, 4 and 10, 11 and 17, 18: two steps, every seven from step 3 on."""
     made = batch("Ant", 1, Push((1.0, 0.0, 0.0), steps=2, onset=3, every=7))
     effect = made.perturbations[0].attach(
-        type("Context", (), {"task": made.task, "model": made.model})()
+        type("Attachment", (), {"task": made.task, "model": made.model})()
     )
     pushed = []
     for t in range(20):

@@ -20,7 +20,7 @@ import pandas as pd
 
 from thesis_lib import potentials
 from thesis_lib.arrays import FloatArray, IntArray
-from thesis_lib.chapter3.runs import NAMES, Learner, total_rewards
+from thesis_lib.chapter3.runs import NAMES, TabularLearner, total_rewards
 from thesis_lib.domains import Domain
 from thesis_lib.edition.criteria import Pair, ordered
 from thesis_lib.edition.experiment import Context, experiment
@@ -116,7 +116,9 @@ class Config:
     """gamma."""
     restarts: int = 10
     """Starting points of the gradient search for a policy."""
-    learner: Learner = field(default_factory=lambda: Learner("q_learning", 0.5, 0.05, episodes=20))
+    learner: TabularLearner = field(
+        default_factory=lambda: TabularLearner("q_learning", 0.5, 0.05, episodes=20)
+    )
     """How each task is learned with the policy's values as a potential."""
     repeats: int = 40
     """Runs a task."""

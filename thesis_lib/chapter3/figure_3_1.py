@@ -13,8 +13,8 @@ from thesis_lib import potentials
 from thesis_lib.chapter3.runs import (
     LEARNERS,
     NAMES,
-    Learner,
     MuSearch,
+    TabularLearner,
     log_grid,
     named_potentials,
     over_alpha,
@@ -103,7 +103,7 @@ def by_alpha(config: Config, context: Context) -> list[Return]:
             phi["Q_tilde_sarsa"] = potentials.cross_task_values(domain, learned)
         keys = list(product(config.methods, config.names, config.alphas))
         cells = [
-            (Learner(method, alpha, config.epsilon, steps=config.steps), phi[name])
+            (TabularLearner(method, alpha, config.epsilon, steps=config.steps), phi[name])
             for method, name, alpha in keys
         ]
         totals = total_rewards(context, domain, cells, config.repeats, f"gamma {discount}")

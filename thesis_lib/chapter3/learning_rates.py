@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib import potentials
 from thesis_lib.chapter3 import table_3_1
-from thesis_lib.chapter3.runs import LEARNERS, SETTINGS, Learner, total_rewards
+from thesis_lib.chapter3.runs import LEARNERS, SETTINGS, TabularLearner, total_rewards
 from thesis_lib.edition.criteria import Pair, best, no_greater, summary
 from thesis_lib.edition.experiment import Context, experiment, returns
 from thesis_lib.edition.ledger import Finding, criterion
@@ -65,7 +65,8 @@ def by_alpha(config: Config, context: Context) -> list[Return]:
     keys = list(product(METHODS, config.alphas))
     none = potentials.constant_potential(domain, 0.0)
     cells = [
-        (Learner(method, alpha, 0.1, episodes=config.episodes), none) for method, alpha in keys
+        (TabularLearner(method, alpha, 0.1, episodes=config.episodes), none)
+        for method, alpha in keys
     ]
     totals = total_rewards(context, domain, cells, config.repeats, "alpha") / table_3_1.UNIT
     return [Return(*key, **returns(total)) for key, total in zip(keys, totals, strict=True)]

@@ -22,10 +22,10 @@ from thesis_lib.chapter3.runs import (
     LEARNERS,
     SETTINGS,
     SYMBOLS,
-    Learner,
     MuSearch,
     Potential,
     Setting,
+    TabularLearner,
     named_potentials,
     total_rewards,
 )
@@ -40,7 +40,7 @@ from thesis_lib.stats import Summary, holm, mean_ci, welch
 DOMAINS = {
     **SETTINGS,
     "stock E = 3": Setting(
-        lambda: stock(1, 3, 2, discount=0.9), (Learner("q_learning", 0.2, 0.1, steps=300),)
+        lambda: stock(1, 3, 2, discount=0.9), (TabularLearner("q_learning", 0.2, 0.1, steps=300),)
     ),
 }
 """The domains of chapter 3, and stock with the E = 3 that section 3.4.4 prints."""

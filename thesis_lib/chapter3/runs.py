@@ -127,7 +127,7 @@ def named_potentials(
 
 
 @dataclass(frozen=True)
-class Learner:
+class TabularLearner:
     """A learner with its settings and budget; exactly one of episodes and steps."""
 
     method: Method
@@ -140,7 +140,7 @@ class Learner:
 def total_rewards(
     context: Context,
     domain: Domain,
-    cells: Sequence[tuple[Learner, FloatArray]],
+    cells: Sequence[tuple[TabularLearner, FloatArray]],
     repeats: int,
     label: str = "",
 ) -> FloatArray:
@@ -153,7 +153,7 @@ def total_rewards(
     domain
         Each task is learned ``repeats`` times.
     cells
-        Learner and potential ``(O, A)`` of each cell.
+        TabularLearner and potential ``(O, A)`` of each cell.
     repeats
         Runs a task.
     label
@@ -165,7 +165,7 @@ def total_rewards(
         Shape ``(cells, M, repeats)``.
     """
 
-    def one(job: tuple[int, tuple[Learner, FloatArray]]) -> FloatArray:
+    def one(job: tuple[int, tuple[TabularLearner, FloatArray]]) -> FloatArray:
         i, (learner, phi) = job
         seeds = context.seeds(len(domain) * repeats, i)
         rewards = np.empty((len(domain), repeats))
@@ -196,38 +196,38 @@ class Setting:
     domain
         Builds the domain.
     learners
-        Learner settings: those printed, or the best found in the figure's sweep.
+        TabularLearner settings: those printed, or the best found in the figure's sweep.
     """
 
     domain: Callable[[], Domain]
-    learners: tuple[Learner, ...]
+    learners: tuple[TabularLearner, ...]
 
 
 SETTINGS: Mapping[str, Setting] = {
     "episodic cliff": Setting(
         lambda: episodic_cliff(False),
         (
-            Learner("q_learning", 1.0, 0.1, episodes=600),
-            Learner("sarsa", 0.4, 0.1, episodes=600),
+            TabularLearner("q_learning", 1.0, 0.1, episodes=600),
+            TabularLearner("sarsa", 0.4, 0.1, episodes=600),
         ),
     ),
     "episodic cliff with sensor": Setting(
         lambda: episodic_cliff(True),
         (
-            Learner("q_learning", 1.0, 0.1, episodes=600),
-            Learner("sarsa", 0.4, 0.1, episodes=600),
+            TabularLearner("q_learning", 1.0, 0.1, episodes=600),
+            TabularLearner("sarsa", 0.4, 0.1, episodes=600),
         ),
     ),
     "continuing cliff": Setting(
         lambda: continuing_cliff(0.95),
         (
-            Learner("q_learning", 0.1, 0.01, steps=20_000),
-            Learner("sarsa", 0.1, 0.01, steps=20_000),
+            TabularLearner("q_learning", 0.1, 0.01, steps=20_000),
+            TabularLearner("sarsa", 0.1, 0.01, steps=20_000),
         ),
     ),
-    "triangle": Setting(triangle, (Learner("q_learning", 0.5, 0.01, episodes=10),)),
+    "triangle": Setting(triangle, (TabularLearner("q_learning", 0.5, 0.01, episodes=10),)),
     "stock": Setting(
-        lambda: stock(1, 2, 2, discount=0.9), (Learner("q_learning", 0.2, 0.1, steps=300),)
+        lambda: stock(1, 2, 2, discount=0.9), (TabularLearner("q_learning", 0.2, 0.1, steps=300),)
     ),
 }
 """The domains of chapter 3 by name."""
@@ -278,7 +278,10 @@ def sweep(
         for epsilon in epsilons
     }
     cells = [
-        (Learner("q_learning", alpha, epsilon, episodes=episodes, steps=steps), phi[epsilon][name])
+        (
+            TabularLearner("q_learning", alpha, epsilon, episodes=episodes, steps=steps),
+            phi[epsilon][name],
+        )
         for epsilon, name, alpha in keys
     ]
     totals = total_rewards(context, domain, cells, repeats, domain.name)

@@ -12,7 +12,7 @@ from scipy import stats
 
 from thesis_lib import potentials
 from thesis_lib.arrays import FloatArray
-from thesis_lib.chapter3.runs import SETTINGS, Learner, total_rewards
+from thesis_lib.chapter3.runs import SETTINGS, TabularLearner, total_rewards
 from thesis_lib.domains import Domain
 from thesis_lib.edition.criteria import Pair, equivalent
 from thesis_lib.edition.experiment import Context, experiment
@@ -88,7 +88,7 @@ def learned_on_the_side(config: Config, context: Context) -> list[Return]:
                 seed: np.random.SeedSequence,
                 steps: int = steps,
                 domain: Domain = domain,
-                target: Learner = target,
+                target: TabularLearner = target,
             ) -> tuple[FloatArray, FloatArray]:
                 rng = np.random.default_rng(seed)
                 own, side = [], []

@@ -15,8 +15,8 @@ from thesis_lib.chapter3.runs import (
     NAMES,
     SETTINGS,
     SYMBOLS,
-    Learner,
     MuSearch,
+    TabularLearner,
     total_rewards,
 )
 from thesis_lib.domains import Domain
@@ -46,7 +46,7 @@ class Config:
 
 
 def potentials_by_weighting(
-    domain: Domain, learner: Learner, config: Config, seed: int
+    domain: Domain, learner: TabularLearner, config: Config, seed: int
 ) -> dict[tuple[str, str], FloatArray]:
     """Each potential under each p(x|m) that applies to it (section 3.3.6)."""
     found: dict[tuple[str, str], FloatArray] = {}

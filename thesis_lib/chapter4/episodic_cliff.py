@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.figure import Figure
 
-from thesis_lib.chapter3.runs import SETTINGS, Learner
+from thesis_lib.chapter3.runs import SETTINGS, TabularLearner
 from thesis_lib.chapter4 import figure_4_4, looks
 from thesis_lib.chapter4.figure_4_4 import METHODS, NAMES, SMALL, turns
 from thesis_lib.chapter4.protocol import Protocol, Selected, ahead, behind
@@ -43,7 +43,7 @@ class PotentialSelected(Selected):
 
 SMOKE = figure_4_4.Config(
     cliff="episodic",
-    learner=Learner("q_learning", 1.0, 0.1, episodes=20),
+    learner=TabularLearner("q_learning", 1.0, 0.1, episodes=20),
     protocol=SMALL,
 )
 

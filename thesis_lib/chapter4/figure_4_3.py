@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from thesis_lib.chapter3.runs import SETTINGS, Learner
+from thesis_lib.chapter3.runs import SETTINGS, TabularLearner
 from thesis_lib.chapter4 import looks, readings
 from thesis_lib.chapter4.looks import SYMBOLS
 from thesis_lib.chapter4.protocol import (
@@ -38,7 +38,7 @@ class Config:
 
     protocol: Protocol = field(default_factory=lambda: Protocol(tasks_seen=(*range(3, 13), 15, 20)))
     """Sizes."""
-    learner: Learner = SETTINGS["triangle"].learners[0]
+    learner: TabularLearner = SETTINGS["triangle"].learners[0]
     """Learning and exploration rate: the best of figure 3.3."""
     fstek: Level = "schedule"
     """Level of FS-TEK, as printed."""

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from thesis_lib.chapter3.runs import Learner
+from thesis_lib.chapter3.runs import TabularLearner
 from thesis_lib.chapter4 import looks
 from thesis_lib.chapter4.protocol import Flat, Level, Protocol, Selected, gains, measure, row
 from thesis_lib.chapter4.runs import Source, Target, solve_domain
@@ -45,7 +45,9 @@ class Config:
     """Sizes; no fixed features, as all are relevant."""
     cliff: Literal["continuing", "episodic"] = "continuing"
     """Which cliff domain; the text does not say, but only this one fits its statements."""
-    learner: Learner = field(default_factory=lambda: Learner("q_learning", 0.1, 0.01, steps=10_000))
+    learner: TabularLearner = field(
+        default_factory=lambda: TabularLearner("q_learning", 0.1, 0.01, steps=10_000)
+    )
     """Learning rate near the best of figure 3.1; ten thousand steps, as long as the boost lasts."""
     fstek: Level = "schedule"
     """Level of FS-TEK; not printed for this domain."""

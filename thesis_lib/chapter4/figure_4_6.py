@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.figure import Figure
 
-from thesis_lib.chapter3.runs import SETTINGS, Learner
+from thesis_lib.chapter3.runs import SETTINGS, TabularLearner
 from thesis_lib.chapter4 import looks
 from thesis_lib.chapter4.looks import SYMBOLS
 from thesis_lib.chapter4.protocol import (
@@ -40,7 +40,7 @@ class Config:
     """G."""
     protocol: Protocol = field(default_factory=Protocol)
     """Sizes."""
-    learner: Learner = SETTINGS["stock"].learners[0]
+    learner: TabularLearner = SETTINGS["stock"].learners[0]
     """Learning and exploration rate: the best of figure 3.4."""
     discount: float = 0.9
     """gamma, not printed."""

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from thesis_lib.arrays import BoolArray
-from thesis_lib.chapter3.runs import SETTINGS, Learner
+from thesis_lib.chapter3.runs import SETTINGS, TabularLearner
 from thesis_lib.chapter4.looks import PM, two_rates
 from thesis_lib.chapter4.runs import Rated, Run, SolvedDomain, choose, run_selectors, solve_domain
 from thesis_lib.chapter4.wide_market import WideMarket
@@ -69,7 +69,7 @@ class Config:
     """Tasks learned with each function."""
     tasks_seen: tuple[int, ...] = (4, 8, 16)
     """Numbers of observed tasks n."""
-    learner: Learner = SETTINGS["stock"].learners[0]
+    learner: TabularLearner = SETTINGS["stock"].learners[0]
     """Learning and exploration rate; the best of figure 3.4."""
     market: WideMarket = field(default_factory=WideMarket)
     """The wide market."""

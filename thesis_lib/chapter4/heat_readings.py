@@ -51,7 +51,7 @@ BASE = HeatConfig(
 )
 
 SMALL = HeatConfig(
-    space=HeatSpace(learner=HeatLearner(episodes=10)),
+    space=HeatSpace(learner=HeatLearner(episodes=3)),
     sensors=(0.02,),
     protocol=Protocol(runs=2, tests=1, tasks_seen=(4,), methods=METHODS),
     first=1,

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.arrays import BoolArray
-from thesis_lib.chapter3.runs import Learner
+from thesis_lib.chapter3.runs import TabularLearner
 from thesis_lib.chapter4.runs import Rated, Run, SolvedDomain, run_selectors
 from thesis_lib.edition.experiment import Context
 from thesis_lib.selection import (
@@ -106,7 +106,7 @@ class Selected(Rated):
 
 def measure(
     solved: SolvedDomain,
-    learner: Learner,
+    learner: TabularLearner,
     protocol: Protocol,
     fstek: Level,
     flat: Flat,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import BoolArray, FloatArray, IntArray
-from thesis_lib.chapter3.runs import Learner
+from thesis_lib.chapter3.runs import TabularLearner
 from thesis_lib.domains import Domain
 from thesis_lib.edition.experiment import Context, Returns, returns
 from thesis_lib.mdp.batched import TaskBatch
@@ -101,7 +101,7 @@ class SolvedDomain:
 
 
 def task_solutions(
-    domain: Domain, target: Target, source: Source, learner: Learner, context: Context
+    domain: Domain, target: Target, source: Source, learner: TabularLearner, context: Context
 ) -> list[FloatArray]:
     r"""Solution of every task of a domain, each ``(S_m, A)``.
 
@@ -143,7 +143,7 @@ def task_solutions(
 
 def solve_domain(
     domain: Domain,
-    learner: Learner,
+    learner: TabularLearner,
     context: Context,
     *,
     target: Target = "Q_star",
@@ -171,7 +171,7 @@ class Trial:
     """
 
     def __init__(
-        self, solved: SolvedDomain, learner: Learner, n: int, rng: np.random.Generator
+        self, solved: SolvedDomain, learner: TabularLearner, n: int, rng: np.random.Generator
     ) -> None:
         tasks = solved.domain.sample(n, rng)
         self._batch = TaskBatch(
@@ -312,7 +312,7 @@ def place(support: BoolArray, truth: BoolArray) -> dict[str, Any]:
 
 def run_selectors(
     solved: SolvedDomain,
-    learner: Learner,
+    learner: TabularLearner,
     grid: Sequence[int],
     tests: int,
     rng: np.random.Generator,

@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from thesis_lib.arrays import BoolArray, FloatArray, IntArray
-from thesis_lib.chapter3.runs import Learner
+from thesis_lib.chapter3.runs import TabularLearner
 from thesis_lib.chapter4.looks import PM
 from thesis_lib.chapter4.runs import SolvedDomain, solve_domain
 from thesis_lib.domains import Domain, stock
@@ -49,18 +49,18 @@ class Setting:
 
     make: Callable[[], Domain]
     """Builds the domain."""
-    learner: Learner
+    learner: TabularLearner
     """Q-learning, with a budget of steps."""
     missing: str
     """A task-relevant feature, taken from the table of ``aliased``."""
 
 
-_SMALL = Learner("q_learning", 0.2, 0.1, steps=100)
-_MEADOW = Learner("q_learning", 0.2, 0.1, steps=12_000)
+_SMALL = TabularLearner("q_learning", 0.2, 0.1, steps=100)
+_MEADOW = TabularLearner("q_learning", 0.2, 0.1, steps=12_000)
 
 DOMAINS: Mapping[str, Setting] = {
     "stock G=3": Setting(
-        partial(stock, 1, 2, 3), Learner("q_learning", 0.2, 0.1, steps=6_000), "g1"
+        partial(stock, 1, 2, 3), TabularLearner("q_learning", 0.2, 0.1, steps=6_000), "g1"
     ),
     "meadow": Setting(meadow, _MEADOW, "x"),
     "mild meadow": Setting(partial(meadow, bog=4.0), _MEADOW, "x"),

@@ -62,7 +62,7 @@ _WARNINGS = (
 
 
 @dataclass(frozen=True)
-class Context:
+class Attachment:
     """What a perturbation learns about the batch it is attached to.
 
     Attributes
@@ -140,7 +140,7 @@ class Perturbation:
         """Names of the sensors the policy is left with."""
         return names
 
-    def attach(self, context: Context) -> Effect | None:
+    def attach(self, context: Attachment) -> Effect | None:
         """Start the perturbation in a batch; None if it has no part in the loop."""
         return None
 
@@ -458,7 +458,7 @@ class BatchTask:
         self._effects: list[Effect] = []
         for k, perturbation in enumerate(self.perturbations):
             streams = tuple(np.random.default_rng(_child(s, 2, k)) for s in self._seeds)
-            context = Context(self.task, self.n_worlds, names, streams, self.model)
+            context = Attachment(self.task, self.n_worlds, names, streams, self.model)
             effect = perturbation.attach(context)
             if effect is not None:
                 self._effects.append(effect)

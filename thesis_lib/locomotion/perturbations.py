@@ -20,7 +20,7 @@ import numpy as np
 
 from thesis_lib.arrays import FloatArray, IntArray
 from thesis_lib.checks import plain_settings
-from thesis_lib.locomotion.batch import Context, Effect, Perturbation
+from thesis_lib.locomotion.batch import Attachment, Effect, Perturbation
 from thesis_lib.locomotion.robots import ROOT_BODY, Ground, total_mass
 from thesis_lib.locomotion.terrain import Extent, hill_maps
 
@@ -118,7 +118,7 @@ class WhiteNoise(Perturbation):
                 "each sensor."
             )
 
-    def attach(self, context: Context) -> Effect:
+    def attach(self, context: Attachment) -> Effect:
         """Start the noise; ValueError when there are more or fewer sigmas than sensors."""
         sigma = np.asarray(self.sigma, np.float64)
         if sigma.ndim and len(sigma) != len(context.sensors):
@@ -161,7 +161,7 @@ class CorrelatedNoise(WhiteNoise):
 
 
 class _NoiseEffect(Effect):
-    def __init__(self, onset: int, sigma: FloatArray, context: Context, decay: float) -> None:
+    def __init__(self, onset: int, sigma: FloatArray, context: Attachment, decay: float) -> None:
         self._onset, self._sigma, self._decay = onset, sigma, decay
         self._generators = context.generators
         # A world draws for many steps at once, and only when it has used up what it drew.
@@ -208,7 +208,7 @@ class SensorSubset(Perturbation):
         """Names of the kept sensors."""
         return tuple(names[i] for i in _find(self.keep, names, "sensor"))
 
-    def attach(self, context: Context) -> Effect:
+    def attach(self, context: Attachment) -> Effect:
         """Start the occlusion; ValueError for an unknown sensor."""
         return _SensorSubsetEffect(_find(self.keep, context.sensors, "sensor"))
 
@@ -244,7 +244,7 @@ class SensorFailure(Perturbation):
     def __post_init__(self) -> None:
         _settle(self)
 
-    def attach(self, context: Context) -> Effect:
+    def attach(self, context: Attachment) -> Effect:
         """Start the failure; ValueError for an unknown sensor."""
         columns = _find(self.failing, context.sensors, "sensor")
         return _SensorFailureEffect(self.onset, columns, self.reading)
@@ -350,7 +350,7 @@ class ActuatorFailure(Perturbation):
         if not 0 <= self.factor <= 1:
             raise ValueError(f"factor is {self.factor}, but a failing motor keeps 0 to 1.")
 
-    def attach(self, context: Context) -> Effect:
+    def attach(self, context: Attachment) -> Effect:
         """Start the failure; ValueError for an unknown motor."""
         robot = context.task.robot
         factors = np.ones(robot.action_size)
@@ -389,13 +389,13 @@ class ActionDelay(Perturbation):
         if self.steps < 1:
             raise ValueError(f"steps is {self.steps}, but a delay lasts 1 step or more.")
 
-    def attach(self, context: Context) -> Effect:
+    def attach(self, context: Attachment) -> Effect:
         """Start the delay."""
         return _ActionDelayEffect(self, context)
 
 
 class _ActionDelayEffect(Effect):
-    def __init__(self, delay: ActionDelay, context: Context) -> None:
+    def __init__(self, delay: ActionDelay, context: Attachment) -> None:
         self._onset = delay.onset
         self._length = delay.steps + 1
         shape = (context.n_worlds, self._length, context.task.action_size)
@@ -521,7 +521,7 @@ class Push(Perturbation):
                 f"{self.steps} steps are over."
             )
 
-    def attach(self, context: Context) -> Effect:
+    def attach(self, context: Attachment) -> Effect:
         """Start the pushes."""
         duration = self.steps * context.task.robot.control_dt
         force = np.asarray(self.velocity, np.float64) * total_mass(context.model) / duration
