@@ -87,7 +87,7 @@ def _plain(name: str, value: Any, hint: Any) -> Any:
 def _plain_as(kind: Any, name: str, value: Any) -> Any:
     if typing.get_origin(kind) is tuple:
         return _plain_tuple(name, value, typing.get_args(kind))
-    if dataclasses.is_dataclass(kind) and isinstance(value, kind):
+    if isinstance(kind, type) and dataclasses.is_dataclass(kind) and isinstance(value, kind):
         return plain(value)
     if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
         value = value.item()

@@ -207,7 +207,7 @@ def early_boost(table: pd.DataFrame) -> Finding:
     if not ended and verdict is Verdict.REPRODUCED:
         verdict = Verdict.DIRECTION
     return Finding(
-        verdict, f"Early: {early.evidence} Late: {late.evidence}", early.numbers | late.numbers
+        verdict, f"Early: {early.evidence} Late: {late.evidence}", {**early.numbers, **late.numbers}
     )
 
 

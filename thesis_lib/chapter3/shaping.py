@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -26,7 +26,7 @@ def _both(method: Method) -> tuple[Learned, Learned, FloatArray]:
     phi = potentials.q_tilde(domain, 0.1)
     initial = domain.scatter(phi, 0)
 
-    def run(**start: FloatArray) -> Learned:
+    def run(**start: Any) -> Learned:
         return learn(
             domain.tasks[0], method, alpha=0.4, epsilon=0.1, episodes=EPISODES, rng=1,
             record={"rewards", "actions", "states"}, **start,
@@ -41,7 +41,7 @@ def shaping_is_initialisation() -> Finding:
     gap, same = 0.0, True
     for method in get_args(Method):
         advised, initialised, phi = _both(method)
-        same &= bool(np.array_equal(advised.actions, initialised.actions))
+        same &= np.array(advised.actions).tolist() == np.array(initialised.actions).tolist()
         gap = max(gap, float(np.abs(advised.q + phi - initialised.q).max()))
     return Finding(
         Verdict.REPRODUCED if same and gap < 1e-6 else Verdict.REFUTED,
@@ -57,7 +57,8 @@ def initialisation_acts_first() -> Finding:
     """First greedy actions: those of an initialised table, and those of an advised table alone."""
     _, initialised, phi = _both("sarsa")
     free = int(greedy_actions(np.zeros_like(phi))[0].sum())
-    bound = int(greedy_actions(phi)[int(initialised.states[0])].sum())
+    start = np.array(initialised.states)[0]
+    bound = int(greedy_actions(phi)[start].sum())
     return Finding(
         Verdict.REPRODUCED if bound < free else Verdict.REFUTED,
         f"In the start state {bound} of {free} actions are greedy in the initialised table before "

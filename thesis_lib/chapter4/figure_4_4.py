@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -164,7 +164,7 @@ def q_tilde_gains_more(star: pd.DataFrame, tilde: pd.DataFrame) -> Finding:
     found = {q: gains(t).mean() for q, t in (("Q*", star), ("Q~", tilde))}
     mean = {q: float(by.fstek_minus) for q, by in found.items()}
     half = {q: float(by.fstek_minus_ci95) for q, by in found.items()}
-    gap, error = mean["Q~"] - mean["Q*"], float(np.hypot(*half.values()))
+    gap, error = mean["Q~"] - mean["Q*"], math.hypot(*half.values())
     listed = " and ".join(f"{plus_minus(mean[q], half[q])} with {q}" for q in NAMES)
     return judged(
         gap > error,

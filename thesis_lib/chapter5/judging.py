@@ -91,7 +91,7 @@ def weigh(printed: Evidence | None, ours: Evidence | None) -> Finding:
     else:
         theirs = f"The printed tables {_WORDS[printed.verdict]}: {printed.sentence}"
     if ours is None:
-        mine = "Ours have not been run yet."
+        mine = "Ours have not all been run yet."
     else:
         deep = "" if ours.printed_budget else ", fewer steps than the thesis's"
         mine = f"Our runs ({ours.units} seeds{deep}) {_WORDS[own]}: {ours.sentence}"

@@ -163,7 +163,7 @@ def equivalent(
         verdict = Verdict.REFUTED
     else:
         verdict = Verdict.INCONCLUSIVE
-    lead, shown = _clearest(pairs, 1 - p_differ)
+    lead, shown = _clearest(pairs, [1 - p for p in p_differ])
     return Finding(
         verdict,
         f"Of {len(pairs)} comparisons {_share(equal, len(pairs))} equivalent within {margin:.0%} "

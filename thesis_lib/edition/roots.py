@@ -256,7 +256,7 @@ def judge_over(
             raise ValueError(f"{name} is {value}, but at least 1 is needed.")
     folder = writable_directory(work or repository_root() / "_build" / "claims")
     needed = dict.fromkeys(e for claim in claims for e in claim.experiments)
-    known = sorted((_experiments()[e] for e in needed), key=lambda e: -float(e.seconds))  # type: ignore[arg-type]
+    known = sorted((_experiments()[e] for e in needed), key=lambda e: -float(e.seconds))
     codes = {e.id: code_of_table(e, budget) for e in known}
 
     def jobs(root: int) -> list[Job]:
