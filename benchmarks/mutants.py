@@ -171,7 +171,7 @@ MUTANTS = (
         *("law-of-k-squared", EXACT),
         *("return last + within / lengths\n", "return last + within / lengths**2\n"),
         ("tests/relevance/test_exact.py", "exact_formula_is_the_definition"),
-        ("chapter4", "4.1.1-twelve", "4.1.1-plateau"),
+        ("chapter4", "B.1-each-k"),
     ),
     Mutant(
         *("combinations-as-sequences", EXACT),
