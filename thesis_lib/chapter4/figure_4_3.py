@@ -1,4 +1,12 @@
-"""Figure 4.3: feature selection on the triangle, return and place in ROC space."""
+r"""Figure 4.3: feature selection on the triangle, return and place in ROC space.
+
+After tasks :math:`c = (c_1, \dots, c_n)` a method keeps some features, and pairs that agree on them
+are one cell y of an abstraction.  A new task is learned from the mean over the cell (equations 4.5
+and 4.1), as :meth:`~thesis_lib.chapter4.runs.SolvedDomain.potential` computes it:
+
+.. math:: \Phi(x) = \frac{\sum_{x' \in y} \sum_i p(x'|c_i)\, Q_{c_i}(x')}
+                         {\sum_{x' \in y} \sum_i p(x'|c_i)}, \qquad x \in y .
+"""
 
 from __future__ import annotations
 
