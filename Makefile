@@ -2,7 +2,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help book smoke test test-slow lint setup serve clean
+.PHONY: help book smoke pdf films test test-slow lint setup serve clean
 
 VENV := .venv
 RUN := $(VENV)/bin/python -m
@@ -18,6 +18,12 @@ book: setup  ## execute what changed and build the book into _build/html
 
 smoke: setup  ## the same at the smoke budget, as CI does, into _build/html-smoke
 	@$(RUN) thesis_lib.cli book --budget smoke
+
+pdf: book  ## the built book as one file, _build/book.pdf (needs Chromium)
+	@$(RUN) thesis_lib.book.pdf
+
+films: setup  ## draw the films of book/films.toml again, from the committed policies
+	@$(RUN) thesis_lib.book.films
 
 test: setup  ## run all tests but the slow ones
 	@$(RUN) $(PYTEST) -m "not slow" tests

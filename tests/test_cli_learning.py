@@ -19,6 +19,7 @@ from PIL import Image
 from thesis_lib import cli, cli_training
 from thesis_lib.edition.experiment import load
 from thesis_lib.locomotion.rendering import NoGL, choose_backend
+from thesis_lib.policies.portable import loads
 from thesis_lib.training.checkpoint import FILES, read_checkpoint
 from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.evaluation import EvaluateConfig, evaluate
@@ -410,3 +411,20 @@ def test_checkpoints_that_cannot_be_read(
     (tmp_path / "checkpoint.pt").write_bytes(b"nothing of the kind")
     assert cli.main(["evaluate", str(tmp_path)]) == 2
     assert "is not a checkpoint of `thesis train`" in capsys.readouterr().err
+
+
+def test_export_writes_the_policy_with_its_card(checkpoint: Path, tmp_path: Path) -> None:
+    out = tmp_path / "gru.npz"
+    assert cli.main(["export", str(checkpoint), str(out)]) == 0
+    policy = loads(out.read_bytes())
+    assert policy.architecture == "gru"
+    trained = read_trained(checkpoint).policy
+    np.testing.assert_array_equal(policy.parameter_vector(), trained.parameter_vector())
+
+
+def test_export_names_the_forms_there_are(
+    checkpoint: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["export", str(checkpoint), str(tmp_path / "gru.h5")]) == 2
+    assert "'.h5': choose .npz or .onnx." in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

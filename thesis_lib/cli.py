@@ -223,6 +223,8 @@ _LATE = {
     "For instance ``thesis train --task hopper --architecture ctrnn``.",
     "evaluate": "Test a trained policy, by its mean action, with any perturbation.\n\n"
     "For instance ``thesis evaluate _build/runs/hopper-flat-ctrnn-0 --noise 1``.",
+    "export": "Write a policy for other programs: weights with a card (.npz), or ONNX.\n\n"
+    "For instance ``thesis export _build/runs/hopper-flat-ctrnn-0 hopper.onnx``.",
     "test-policies": "Test every policy of a sweep: base, noise and switch (section 5.4).\n\n"
     "For instance ``thesis test-policies _build/runs/sweep --out _build/results/tests``.",
     "sweep": "Train a grid of policies, on one machine or many, and merge their curves.\n\n"

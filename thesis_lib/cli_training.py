@@ -1,4 +1,4 @@
-"""The commands ``thesis train``, ``evaluate``, ``test-policies`` and ``sweep``, imported late."""
+"""The commands of ``thesis`` that train, test and export policies, imported late."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ import tyro
 
 from thesis_lib.checkout import repository_root
 from thesis_lib.cli_parts import checked, status, text, unchecked
-from thesis_lib.files import writable_directory
+from thesis_lib.files import replacing, writable_directory
 from thesis_lib.locomotion.rendering import check_gl
+from thesis_lib.policies.portable import dumps, to_onnx
 from thesis_lib.training import curves
 from thesis_lib.training.checkpoint import read_checkpoint
 from thesis_lib.training.config import TrainConfig, idle_settings, task_name
@@ -29,7 +30,7 @@ from thesis_lib.training.store import Store
 from thesis_lib.training.suite import SuiteConfig, best, check_rule, evaluate_all
 from thesis_lib.training.suite import write as write_tests
 from thesis_lib.training.train import TerminalReport, default_directory, train
-from thesis_lib.training.trained import TrainedPolicies, read_trained
+from thesis_lib.training.trained import Trained, TrainedPolicies, read_trained
 
 
 def _refuse(idle: Mapping[str, str]) -> None:
@@ -93,6 +94,11 @@ class Train:
         return 0
 
 
+def _read(checkpoint: Path, run: str | None) -> Trained:
+    """The policy of a run's checkpoint, or of one of the runs in a sweep's ``policies.pt``."""
+    return read_trained(checkpoint) if run is None else TrainedPolicies(checkpoint).load(run)
+
+
 @dataclass(frozen=True)
 class Evaluate:
     """``thesis evaluate``."""
@@ -114,7 +120,7 @@ class Evaluate:
     out: Path | None = None
     """Where evaluation.csv and evaluation.json go; default nowhere."""
     film: Path | None = None
-    """Draw a run into this animated picture: .webp, .gif or .png."""
+    """Draw a run into this film: .mp4 or .webm, or an animated .webp, .gif or .png."""
     film_run: int = 0
     """Which run to draw."""
 
@@ -125,10 +131,7 @@ class Evaluate:
         if self.film is None and self.film_run != 0:
             _refuse({"film_run": "film"})
         config = config.disturbed(self.disturbances)
-        if self.run is None:
-            trained = read_trained(self.checkpoint)
-        else:
-            trained = TrainedPolicies(self.checkpoint).load(self.run)
+        trained = _read(self.checkpoint, self.run)
         self._check(trained.config)
         if self.out is not None:
             writable_directory(self.out)
@@ -161,6 +164,41 @@ class Evaluate:
                     f"the checkpoint {str(self.checkpoint)!r} was trained with {name} {have!r}, "
                     f"not {asked!r}: choose another checkpoint, or leave --{name} out."
                 )
+
+
+@dataclass(frozen=True)
+class Export:
+    """``thesis export``."""
+
+    checkpoint: tyro.conf.Positional[Path]
+    """A checkpoint of ``thesis train``, the directory it is in, or ``policies.pt`` of a sweep."""
+    out: tyro.conf.Positional[Path]
+    """Where to: .npz (weights and a JSON card that says what they are) or .onnx (one step of the
+    policy, for onnxruntime)."""
+    run: str | None = None
+    """Which run of a sweep's ``policies.pt``, such as hopper-flat-gru-0-float32."""
+
+    def __call__(self) -> int:
+        """Write it."""
+        forms = {".npz": dumps, ".onnx": to_onnx}
+        if self.out.suffix not in forms:
+            raise ValueError(
+                f"a policy cannot be written as {self.out.suffix!r}: choose {' or '.join(forms)}."
+            )
+        writable_directory(self.out.parent)
+        trained = _read(self.checkpoint, self.run)
+        try:
+            data = forms[self.out.suffix](trained.policy)
+        except ImportError as error:
+            raise ValueError(str(error)) from error
+        with replacing(self.out) as temporary:
+            temporary.write_bytes(data)
+        print(
+            f"{trained.config.architecture} on {trained.config.task}, trained on "
+            f"{trained.config.terrain} ground for {trained.iteration} iterations: {self.out}, "
+            f"{len(data):,} bytes."
+        )
+        return 0
 
 
 @dataclass(frozen=True)
@@ -312,6 +350,7 @@ class Sweep:
 COMMANDS = {
     "train": Train,
     "evaluate": Evaluate,
+    "export": Export,
     "test-policies": TestPolicies,
     "sweep": Sweep,
 }

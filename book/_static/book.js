@@ -1,6 +1,112 @@
+const here = document.currentScript.src;
+
 // The copy buttons that Sphinx adds have a tooltip but no name that a screen reader could read.
 window.addEventListener("load", () => {
   for (const button of document.querySelectorAll("button.copybtn")) {
     button.setAttribute("aria-label", button.dataset.tooltip);
   }
+});
+
+window.addEventListener("DOMContentLoaded", () => {
+  // The bibliography is no list by its children's roles.
+  document.querySelectorAll(".citation-list[role=list]").forEach((e) => e.removeAttribute("role"));
+  // A figure opens in its own size, so that its small print can be read on a phone.
+  for (const picture of document.querySelectorAll("article figure img, article .cell_output img")) {
+    if (picture.closest("a")) continue;
+    const link = document.createElement("a");
+    link.href = picture.src;
+    link.setAttribute("aria-label", `Enlarge: ${picture.alt}`);
+    picture.replaceWith(link);
+    link.append(picture);
+  }
+});
+
+// Tables of the ledger can be filtered; without this script they are plain tables.
+function filterLedger(table) {
+  const rows = [...table.tBodies[0].rows];
+  const cell = (row, name) => row.cells[heads.indexOf(name)]?.innerText.trim() ?? "";
+  const heads = [...table.tHead.rows[0].cells].map((head) => head.innerText.trim().toLowerCase());
+  // The thesis's place, such as 3.4.1, Table 3.1 or Appendix A, fact 1.
+  const chapterOf = (row) => (cell(row, "where").match(/[A-C](?=[.,]|$)|\d+/) ?? [""])[0];
+  const verdictOf = (row) => row.querySelector(".verdict")?.textContent ?? "";
+  const form = document.createElement("form");
+  form.className = "ledger-filter";
+  form.setAttribute("aria-label", "Filter the table");
+  const choices = (label, values) => {
+    const select = document.createElement("select");
+    select.setAttribute("aria-label", label);
+    select.append(new Option(`${label}: all`, ""), ...values.map((v) => new Option(v, v)));
+    form.append(select);
+    return select;
+  };
+  const distinct = (of) => [...new Set(rows.map(of))].filter(Boolean);
+  const chapter = choices("Chapter", distinct(chapterOf));
+  const verdict = distinct(verdictOf).length ? choices("Verdict", distinct(verdictOf)) : null;
+  let headline = null;
+  if (rows.some((row) => row.querySelector(".mark")?.textContent === "headline")) {
+    const label = document.createElement("label");
+    headline = document.createElement("input");
+    headline.type = "checkbox";
+    label.append(headline, " headlines only");
+    form.append(label);
+  }
+  const text = document.createElement("input");
+  text.type = "search";
+  text.placeholder = "Words";
+  text.setAttribute("aria-label", "Words in the row");
+  const count = document.createElement("output");
+  form.append(text, count);
+  const apply = () => {
+    const words = text.value.toLowerCase().split(/\s+/).filter(Boolean);
+    let shown = 0;
+    for (const row of rows) {
+      const content = row.textContent.toLowerCase();
+      row.hidden = !(
+        (!chapter.value || chapterOf(row) === chapter.value) &&
+        (!verdict?.value || verdictOf(row) === verdict.value) &&
+        (!headline?.checked || /headline/.test(cell(row, "where"))) &&
+        words.every((word) => content.includes(word))
+      );
+      shown += !row.hidden;
+    }
+    count.textContent = `${shown} of ${rows.length}`;
+  };
+  form.addEventListener("input", apply);
+  form.addEventListener("submit", (event) => event.preventDefault());
+  (table.closest(".pst-scrollable-table-container") ?? table).before(form);
+  apply();
+}
+
+// The film of the front page moves by itself, unless its reader asked for stillness.
+window.addEventListener("DOMContentLoaded", () => {
+  document.querySelectorAll("table.ledger").forEach(filterLedger);
+  const still = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
+  for (const video of document.querySelectorAll("figure.moving video")) {
+    if (!still) video.play().catch(() => {});
+  }
+});
+
+// A chart's picture gives way to the chart itself, whose script only pages with charts load.
+function moveCharts() {
+  for (const place of document.querySelectorAll("div.chart")) {
+    const spec = JSON.parse(place.querySelector("script[type='application/json']").textContent);
+    const picture = place.querySelector("img");
+    const target = document.createElement("div");
+    target.className = "moving-chart";
+    place.append(target);
+    window.vegaEmbed(target, spec, { actions: false, renderer: "svg" }).then(() => {
+      const drawn = target.querySelector("svg");
+      drawn.setAttribute("role", "img");
+      drawn.setAttribute("aria-label", picture.alt);
+      (picture.closest("p") ?? picture).hidden = true;
+    });
+  }
+}
+
+window.addEventListener("DOMContentLoaded", () => {
+  if (!document.querySelector("div.chart")) return;
+  const script = document.createElement("script");
+  script.src = new URL("charts.js", here);
+  script.addEventListener("load", moveCharts);
+  document.head.append(script);
 });

@@ -1,10 +1,13 @@
 """Pages written from data."""
 
+import re
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import pandas as pd
 
+from thesis_lib.book.environments import environments_markdown
 from thesis_lib.book.execution import Run
 from thesis_lib.book.pages import drills_markdown, status_markdown
 from thesis_lib.edition.saved import saved
@@ -55,3 +58,15 @@ def test_no_drill_that_is_committed_failed() -> None:
     drills = saved("drills/drills").table
     assert len(drills)
     assert (drills.good == drills.of).all()
+
+
+def test_every_environment_is_listed_with_its_spaces() -> None:
+    text = environments_markdown()
+    assert "| `thesis/Triangle-v0` | The triangle domain of section 3.4.3: 12 tasks" in text
+    assert (
+        "| `thesis/Hopper-v0` | Hopper of section 5.1, ground: flat | 20 reals | 3 reals in" in text
+    )
+    assert "thesis/HopperHill-v0` | Hopper of section 5.1, ground: hills of difficulty 0.5" in text
+    listed = re.findall(r"^\| `(\S+)`", text, flags=re.MULTILINE)
+    own = [name for name in gymnasium.registry if name.startswith("thesis/")]
+    assert sorted(listed) == sorted(own)

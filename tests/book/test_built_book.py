@@ -128,6 +128,38 @@ def test_chapter_can_be_launched(html: Path, name: str) -> None:
         assert any(service in link and f"notebooks/{name}.ipynb" in link for link in launchers)
 
 
+def test_prose_quotes_the_ledger_with_links_to_its_rows(html: Path) -> None:
+    links = [str(a["href"]) for a in page(html, "book/intro").select("article a[href]")]
+    assert any(link.startswith("scoreboard.html#claim-") for link in links)
+
+
+def test_names_in_prose_lead_to_the_reference(html: Path) -> None:
+    links = [str(a["href"]) for a in page(html, "book/parts").select("article a[href]")]
+    assert "api/policies.html#thesis_lib.policies.portable.to_onnx" in links
+
+
+def test_items_have_the_numbers_of_the_thesis(html: Path) -> None:
+    chapter = page(html, "notebooks/ch03_potentials")
+    figure = chapter.find(id="fig-ch3-figure-3-1")
+    assert figure
+    assert figure.select_one(".caption-number").get_text().strip() == "Fig. 3.1"
+    equation = chapter.find(id="equation-eq-ch3-q-star")
+    assert equation
+    assert "(3.6)" in equation.get_text()
+
+
+def test_the_book_is_small(html: Path) -> None:
+    files = [file for file in html.rglob("*") if file.is_file() and "films" not in file.parts]
+    assert sum(file.stat().st_size for file in files) < 30e6
+    assert not [file for file in files if file.suffix == ".map"]
+
+
+def test_films_are_small(html: Path) -> None:
+    films = list((html / "_static" / "films").iterdir())
+    assert films
+    assert sum(film.stat().st_size for film in films) < 15e6
+
+
 def test_status_lists_every_notebook(html: Path) -> None:
     rows = {str(link["href"]) for link in page(html, "book/status").select("article td a")}
     assert rows == {f"../notebooks/{name}.html" for name in NOTEBOOKS}
@@ -279,6 +311,56 @@ class TestInTheBrowser:
             opened.keyboard.press("Tab")
             reached |= opened.evaluate("!!document.activeElement.closest('article')")
         assert reached
+
+    def test_the_scoreboard_can_be_filtered(self, tab: Tab) -> None:
+        opened = tab.open("book/scoreboard.html")
+        rows = opened.locator("table.ledger tbody tr")
+        everything = rows.count()
+        shown = opened.locator("table.ledger tbody tr:visible")
+        assert shown.count() == everything > 100
+        opened.get_by_label("Chapter").select_option("3")
+        some = shown.count()
+        assert 0 < some < everything
+        assert all(
+            re.search(r"\b3(\.\d|$)", where)
+            for where in opened.locator(
+                "table.ledger tbody tr:visible td:last-child p"
+            ).all_inner_texts()
+        )
+        opened.get_by_label("Words in the row").fill("no claim has these words")
+        assert shown.count() == 0
+        opened.get_by_label("Words in the row").fill("")
+        assert shown.count() == some
+
+    @pytest.mark.parametrize("tab", [{"java_script_enabled": False}], indirect=True)
+    def test_without_scripts_the_ledger_is_a_table_and_a_chart_a_picture(self, tab: Tab) -> None:
+        opened = tab.page
+        opened.goto(f"{tab.site}/book/scoreboard.html")
+        assert opened.locator("table.ledger tbody tr:visible").count() > 100
+        assert opened.locator(".ledger-filter").count() == 0
+        opened.goto(f"{tab.site}/book/play.html")
+        assert opened.locator("div.chart img:visible").count() == 4
+
+    def test_a_slider_moves_its_chart(self, tab: Tab) -> None:
+        opened = tab.open("book/play.html")
+        opened.wait_for_selector("div.chart .moving-chart svg", timeout=20_000)
+        chart = opened.locator("div.chart").first
+        assert chart.locator("img:visible").count() == 0
+        before = chart.locator("svg").inner_html()
+        slider = chart.locator("input[type=range]").first
+        slider.focus()
+        slider.press("ArrowLeft")
+        opened.wait_for_function(
+            "before => document.querySelector('div.chart svg').innerHTML !== before", arg=before
+        )
+
+    def test_films_play_and_stand_still_where_motion_is_unwelcome(self, tab: Tab) -> None:
+        opened = tab.open("book/intro.html")
+        still = "document.querySelector('figure.moving video').paused"
+        assert opened.evaluate(still)  # the tab asks for reduced motion
+        opened = tab.open("book/films.html")
+        opened.evaluate("document.querySelector('video').play()")
+        opened.wait_for_function("document.querySelector('video').currentTime > 0.1")
 
     def test_search_finds_bellman(self, tab: Tab) -> None:
         opened = tab.open("search.html?q=Bellman")

@@ -60,3 +60,14 @@ def test_every_citation_has_an_entry(bibliography: BibliographyData) -> None:
             cited.update(dict.fromkeys(map(str.strip, keys.split(",")), page.name))
     unknown = {key: page for key, page in cited.items() if key not in bibliography.entries}
     assert not unknown
+
+
+# Addresses of these could not be confirmed by a second source, so they have none.
+UNCONFIRMED = {"snel2014", "mehta2008", "pearlmutter1995"}
+
+
+def test_articles_and_preprints_can_be_reached(bibliography: BibliographyData) -> None:
+    for key, entry in bibliography.entries.items():
+        if entry.type in ("article", "misc") and key not in UNCONFIRMED:
+            assert {"doi", "url"} & set(entry.fields), f"{key} has neither a DOI nor an address"
+            assert re.fullmatch(r"10\.\d{4,5}/\S+", entry.fields.get("doi", "10.1000/1")), key

@@ -1,6 +1,5 @@
 """The ledger."""
 
-import re
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
@@ -60,7 +59,8 @@ def test_a_claim_without_its_table_is_an_error(tmp_path, monkeypatch):
     monkeypatch.setattr(scoreboard, "claims", lambda: (CLAIM,))
     with pytest.raises(FileNotFoundError, match="thesis run toy"):
         scoreboard.scoreboard(tmp_path)
-    assert "**Verdict: not run.**" in scoreboard.scoreboard_markdown(tmp_path, draft=True)
+    (judged,) = scoreboard.judge_all(tmp_path, draft=True)
+    assert judged.verdict is Verdict.NOT_RUN
 
 
 def test_smoke_evidence_is_inconclusive(tmp_path):
@@ -68,23 +68,21 @@ def test_smoke_evidence_is_inconclusive(tmp_path):
     assert ledger.judge(CLAIM, tmp_path).finding.verdict is Verdict.INCONCLUSIVE
 
 
-def test_pages_tell_every_claim_and_difference(tmp_path, monkeypatch):
+def test_the_ledger_as_a_table(tmp_path, monkeypatch):
     saved(tmp_path, [1.0, 2.0])
+    monkeypatch.setattr(scoreboard, "claims", lambda: (CLAIM,))
+    assert scoreboard.scoreboard(tmp_path).loc[0, "verdict"] == "reproduced"
+
+
+def test_what_a_difference_changes(tmp_path):
     row = Difference(
         *("0.1-row", "3.4.1", "Topic", "says", "do", "`x`"),
         effect=lambda tables: f"mean {tables['toy'].value.mean():.1f}",
         experiments=("toy",),
     )
-    monkeypatch.setattr(scoreboard, "claims", lambda: (CLAIM,))
-    monkeypatch.setattr(scoreboard, "differences", lambda: (row,))
-    page = scoreboard.scoreboard_markdown(tmp_path)
-    assert "**Verdict: reproduced.** mean 1.5" in page
-    assert "## Chapter 3" in page
-    assert "mean 1.5" in scoreboard.differences_markdown(tmp_path)
-    assert "Of 1 claims that evidence decides: 1 reproduced" in scoreboard.findings_markdown(
-        tmp_path
-    )
-    assert scoreboard.scoreboard(tmp_path).loc[0, "verdict"] == "reproduced"
+    assert scoreboard.effect(row, tmp_path).startswith("Not computed yet")
+    saved(tmp_path, [1.0, 2.0])
+    assert scoreboard.effect(row, tmp_path) == "mean 1.5"
 
 
 def test_every_claim_of_the_ledger_is_whole():
@@ -215,38 +213,3 @@ def test_a_claim_cannot_rest_on_what_is_not_there(monkeypatch):
     monkeypatch.setattr(chapters, "chapter", lambda name: ledger.Chapter((), (lost,), ()))
     with pytest.raises(RuntimeError, match=r"rests on '9\.9'"):
         chapters.claims()
-
-
-def test_the_questions_name_claims_that_are_there():
-    """Each of section 1.3's six questions has both answers."""
-    rows = scoreboard._questions()
-    assert len(rows) == 6
-    named = {x for row in rows for x in re.findall(r"\{([^}]+)\}", row["ours"])}
-    assert named <= {claim.id for claim in chapters.claims()}
-    assert all(re.search(r"\{", row["ours"]) and row["thesis"] for row in rows)
-
-
-def test_questions_tell_verdicts(tmp_path, monkeypatch):
-    saved(tmp_path, [1.0])
-    monkeypatch.setattr(scoreboard, "claims", lambda: (CLAIM,))
-    row = {"text": "What?", "thesis": "This.", "ours": "It is {0.1-toy}."}
-    monkeypatch.setattr(scoreboard, "_questions", lambda: [row])
-    assert "It is *reproduced*." in scoreboard.questions_markdown(tmp_path)
-    row["ours"] = "It is {0.2}."
-    with pytest.raises(ValueError, match=r"'0\.2'"):
-        scoreboard.questions_markdown(tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("section", "chapter"),
-    [
-        ("3.4.1", "Chapter 3"),
-        ("Table 3.1", "Chapter 3"),
-        ("Figure 4.3", "Chapter 4"),
-        ("Appendix A", "Appendix A"),
-        ("Appendix A, fact 1", "Appendix A"),
-        ("Figure A.3", "Appendix A"),
-    ],
-)
-def test_chapter_of_a_section(section, chapter):
-    assert scoreboard._chapter_of(section) == chapter

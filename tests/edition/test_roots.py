@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 import pandas as pd
 import pytest
 
+from thesis_lib.book import ledger
 from thesis_lib.edition import experiment as base
-from thesis_lib.edition import roots, scoreboard
+from thesis_lib.edition import roots
 from thesis_lib.edition.ledger import Claim, Finding, Judgement, OverRoots, Verdict, select
 
 REPRODUCED, REFUTED = Verdict.REPRODUCED, Verdict.REFUTED
@@ -144,17 +145,19 @@ def test_pages_tell_the_verdict_over_roots_and_the_one_here():
     assert here.told() == "reproduced (9 of 10; here refuted)"
     assert replace(here, finding=Finding(REPRODUCED, "4")).told() == "reproduced (9 of 10)"
     assert replace(here, over=None).told() == "refuted"
-    row = "\n".join(scoreboard._row(here))
+    row = ledger.scoreboard_markdown([here])
     assert "`thesis claims often --seeds 10`" in row
     assert "earlier state of the code" in row
     now = replace(over, code=roots.code_of_claim(CLAIMS[0], "book"))
-    assert "earlier state" not in "\n".join(scoreboard._row(replace(here, over=now)))
+    assert "earlier state" not in ledger.scoreboard_markdown([replace(here, over=now)])
 
 
 def test_the_tally_counts_neither_identities_nor_claims_of_our_own():
     one = Judgement(CLAIMS[0], Finding(REPRODUCED, ""), "book")
     identity = replace(one, claim=replace(CLAIMS[0], kind="identity"))
     ours = replace(one, claim=replace(CLAIMS[0], ours=True))
-    told = "\n".join(scoreboard._tally([one, one, identity, ours]))
-    assert "| **reproduced** | the criterion holds |  |  |  |  | 2 | 2 |" in told
+    told = "\n".join(ledger._tally([one, one, identity, ours]))
+    assert (
+        "| [reproduced]{.verdict .reproduced} | the criterion holds |  |  |  |  | 2 | 2 |" in told
+    )
     assert "1 claims are proofs" in told

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import av
 import numpy as np
 import pandas as pd
 import pytest
@@ -30,7 +31,7 @@ from thesis_lib.training.evaluation import (
     summarised,
     task_for,
 )
-from thesis_lib.training.film import film, positions
+from thesis_lib.training.film import check_film, film, positions
 from thesis_lib.training.run import Training
 from thesis_lib.training.train import train
 
@@ -128,6 +129,23 @@ def test_a_film(cheetah: Path, tmp_path: Path) -> None:
     with Image.open(path) as picture:
         # 20 steps of 0.01 s, of which every 4th is shown
         assert (picture.n_frames, picture.size) == (5, (96, 64))
+    for suffix in (".mp4", ".webm"):
+        path = film(cheetah, tmp_path / f"run{suffix}", config, width=96, height=64)
+        with av.open(str(path)) as video:
+            (stream,) = video.streams
+            assert isinstance(stream, av.VideoStream)
+            assert (stream.width, stream.height, stream.average_rate) == (96, 64, 25)
+            assert sum(1 for _ in video.decode(stream)) == 5
+
+
+def test_a_video_without_its_package_is_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("thesis_lib.training.film.find_spec", lambda name: None)
+    with pytest.raises(
+        ValueError, match=r"pip install 'thesis_lib\[film\]', or choose one of \.webp"
+    ):
+        check_film(tmp_path / "run.mp4", EvaluateConfig())
 
 
 def test_a_film_shows_the_run_that_was_tested(cheetah: Path) -> None:

@@ -19,6 +19,7 @@ from thesis_lib.book.pages import generated
 from thesis_lib.book.paths import Paths
 from thesis_lib.book.staging import fingerprint, stage
 from thesis_lib.edition.experiment import check_budget, check_seed, replacing
+from thesis_lib.imports import PACKAGE
 
 _STAMP = ".built.json"
 _COLLECTED = ".from-notebooks"
@@ -74,7 +75,7 @@ def build(
         }
         runs = {name: run for name, run in found.items() if run and _shows(run, tasks[name])}
         collect_tables(runs, paths.results)
-        stage(paths, tasks, runs, generated(paths.results, runs, draft=paths.draft))
+        stage(paths, tasks, runs, generated(paths.root, paths.results, runs, draft=paths.draft))
         status = _render(paths, strict=not only, say=say)
         if status == 0:
             say(
@@ -166,7 +167,7 @@ def _render(paths: Paths, *, strict: bool, say: Callable[[str], None]) -> int:
     made = (
         json.loads(stamp.read_text(encoding="utf-8")) if stamp.exists() and search.exists() else {}
     )
-    made_from = fingerprint(paths.source) + _extensions()
+    made_from = fingerprint(paths.source) + _package(paths.root)
     # A bare `jupyter-book build .` writes to the same place; the time tells.
     if made and made == {"from": made_from, "at": search.stat().st_mtime_ns}:
         say("No page changed.")
@@ -196,11 +197,10 @@ def _sphinx(paths: Paths, html: Path, *, strict: bool, say: Callable[[str], None
     return int(status != 0)
 
 
-def _extensions() -> str:
-    """Hash of our Sphinx extensions, which are part of what makes the pages."""
-    names = ("names.py", "offline.py", "thesis_numbers.py")
-    files = [Path(__file__).with_name(name) for name in names]
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+def _package(root: Path) -> str:
+    """Hash of the package, whose docstrings and Sphinx extensions are part of the pages."""
+    files = sorted((root / PACKAGE).rglob("*.py"))
+    return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()
 
 
 @contextmanager

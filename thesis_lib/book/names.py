@@ -1,8 +1,10 @@
-"""A Sphinx extension that checks the names of this package that prose mentions.
+"""A Sphinx extension that links the names of this package that prose and docstrings mention.
 
-``{func}`~thesis_lib.potentials.q_star``` prints as code.  There is no index of the package's
-names in the book to link to, so the name is looked up in the package itself; one that does not
-exist there stays unresolved, and the build fails.
+``{func}`~thesis_lib.potentials.q_star``` leads to the reference, wherever the name was
+defined.  One that the reference does not describe, such as a field or an experiment's module,
+is looked up in the package itself and shown as code; one that does not exist there either stays
+unresolved, and the build fails.  Names of other libraries in docstrings are shown as they are:
+there is no network to look them up in.
 """
 
 from __future__ import annotations
@@ -12,37 +14,67 @@ from typing import Any
 
 from thesis_lib.imports import PACKAGE
 
+_ABSENT = object()
 
-def exists(name: str) -> bool:
-    """Whether a dotted name of this package can be imported, attributes included.
+
+def find(name: str) -> Any:
+    """The object of a dotted name of this package; a field without a default is its name.
 
     Parameters
     ----------
     name
         Such as ``thesis_lib.mdp.model.TabularMDP.discount``.
+
+    Raises
+    ------
+    LookupError
+        If there is no such object.
     """
     parts = name.split(".")
     if parts[0] != PACKAGE:
-        return False
+        raise LookupError(name)
     for end in range(len(parts), 0, -1):
         try:
             found: Any = import_module(".".join(parts[:end]))
         except ModuleNotFoundError:
             continue
         for part in parts[end:]:
-            if part in getattr(found, "__annotations__", {}):
-                return part == parts[-1]
-            if not hasattr(found, part):
-                return False
-            found = getattr(found, part)
-        return True
-    return False
+            if part in getattr(found, "__annotations__", {}) and part == parts[-1]:
+                return getattr(found, part, part)
+            found = getattr(found, part, _ABSENT)
+            if found is _ABSENT:
+                raise LookupError(name)
+        return found
+    raise LookupError(name)
+
+
+def exists(name: str) -> bool:
+    """Whether a dotted name of this package can be imported, attributes included."""
+    try:
+        find(name)
+    except LookupError:
+        return False
+    return True
 
 
 def _resolve(app: Any, env: Any, node: Any, content: Any) -> Any:
-    """Show an existing name as it is (Sphinx event ``missing-reference``)."""
-    known = node.get("refdomain") == "py" and exists(node["reftarget"])
-    return content if known else None
+    """Link or show a name that Sphinx does not know (event ``missing-reference``)."""
+    if node.get("refdomain") != "py":
+        return None
+    name = node["reftarget"]
+    if name.split(".")[0] != PACKAGE:
+        return content if node.get("py:module", "").startswith(PACKAGE) else None
+    if not exists(name):
+        return None
+    found = find(name)
+    defined = f"{getattr(found, '__module__', '')}.{getattr(found, '__qualname__', '')}"
+    entry = env.domains["py"].objects.get(defined)
+    if entry is None:
+        return content
+    from sphinx.util.nodes import make_refnode
+
+    docname = node.get("refdoc", env.docname)
+    return make_refnode(app.builder, docname, entry.docname, entry.node_id, content, name)
 
 
 def setup(app: Any) -> dict[str, bool]:

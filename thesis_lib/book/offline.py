@@ -2,8 +2,10 @@
 
 MathJax is shipped with the book: the ``sphinx-mathjax-offline`` package holds all of it
 (24 MB), of which a page needs one script and its fonts (3 MB), copied into the static folder.
-The scripts of thebe, which Jupyter Book puts on every page whether it is used or not and which
-would load code from a content network on a click, are left out.
+The script that moves the charts (:mod:`thesis_lib.book.charts`) is bundled by ``vl-convert``,
+and a page that has none does not load it.  The scripts of thebe, which Jupyter Book puts on
+every page whether it is used or not and which would load code from a content network on a
+click, are left out.
 """
 
 from __future__ import annotations
@@ -46,6 +48,21 @@ def _copy_mathjax(app: Any, exception: Exception | None) -> None:
             shutil.copy2(source / file, copy)
 
 
+def _bundle_charts(app: Any, exception: Exception | None) -> None:
+    """Write Vega, Vega-Lite and vega-embed as one script (Sphinx event ``build-finished``)."""
+    target = Path(app.outdir, "_static", "charts.js")
+    if exception is None and app.builder.format == "html" and not target.exists():
+        import vl_convert
+
+        target.write_text(vl_convert.javascript_bundle(), encoding="utf-8")
+
+
+def _drop_maps(app: Any, exception: Exception | None) -> None:
+    """Leave out what only debuggers of the theme's scripts read, 3 MB of it."""
+    for file in Path(app.outdir, "_static").rglob("*.map"):
+        file.unlink()
+
+
 def _drop_thebe(
     app: Any, pagename: str, templatename: str, context: dict[str, Any], doctree: Any
 ) -> None:
@@ -61,5 +78,7 @@ def setup(app: Any) -> dict[str, bool]:
     """Register with Sphinx."""
     app.config.mathjax_path = f"mathjax/{_SCRIPT}"
     app.connect("build-finished", _copy_mathjax)
+    app.connect("build-finished", _bundle_charts)
+    app.connect("build-finished", _drop_maps, priority=900)
     app.connect("html-page-context", _drop_thebe, priority=900)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

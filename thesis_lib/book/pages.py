@@ -1,4 +1,4 @@
-"""Pages written from data: findings, Scoreboard, Differences from the thesis, Status."""
+"""Pages written from data: Scoreboard, Differences, map, films, Environments, Status."""
 
 from __future__ import annotations
 
@@ -7,22 +7,34 @@ from pathlib import Path
 
 import pandas as pd
 
+from thesis_lib.book.charts import charts
+from thesis_lib.book.environments import environments_markdown
 from thesis_lib.book.execution import Run
-from thesis_lib.book.thesis_numbers import thesis_number
-from thesis_lib.edition.saved import saved
-from thesis_lib.edition.scoreboard import (
+from thesis_lib.book.films import films_markdown, listed
+from thesis_lib.book.ledger import (
     differences_markdown,
     findings_markdown,
+    questions,
     questions_markdown,
+    quoted,
     scoreboard_markdown,
 )
+from thesis_lib.book.thesis_items import ITEMS, items_markdown, read_items
+from thesis_lib.book.thesis_numbers import thesis_number
+from thesis_lib.edition.chapters import differences
+from thesis_lib.edition.saved import saved
+from thesis_lib.edition.scoreboard import judge_all
 
 
-def generated(results: Path, runs: Mapping[str, Run], *, draft: bool = False) -> dict[str, str]:
+def generated(
+    root: Path, results: Path, runs: Mapping[str, Run], *, draft: bool = False
+) -> dict[str, str]:
     """Every generated file by name, as MyST Markdown.
 
     Parameters
     ----------
+    root
+        The checkout.
     results
         Tables that the ledger judges.
     runs
@@ -30,11 +42,17 @@ def generated(results: Path, runs: Mapping[str, Run], *, draft: bool = False) ->
     draft
         Whether a claim whose table is missing is shown as not run; else it is an error.
     """
+    judged = judge_all(results, draft=draft)
     return {
-        "findings.md": findings_markdown(results, draft=draft),
-        "scoreboard.md": scoreboard_markdown(results, draft=draft),
-        "questions.md": questions_markdown(results, draft=draft),
-        "differences.md": differences_markdown(results),
+        "findings.md": findings_markdown(judged),
+        "scoreboard.md": scoreboard_markdown(judged),
+        "questions.md": questions_markdown(questions(), judged),
+        "ledger.json": quoted(judged),
+        "differences.md": differences_markdown(differences(), results),
+        "map.md": items_markdown(read_items(root / ITEMS), judged),
+        "films.md": films_markdown(listed(root)),
+        **charts(),
+        "environments.md": environments_markdown(),
         "status.md": status_markdown([runs[name] for name in sorted(runs)]),
         "drills.md": drills_markdown(saved("drills/drills").table),
     }

@@ -1,14 +1,25 @@
-"""A Sphinx extension that numbers chapters as the thesis does, from their file names.
+"""A Sphinx extension that numbers chapters and what is in them as the thesis does.
 
 ``ch03_potentials`` is chapter 3 wherever it stands in the table of contents, and ``appendix_a``
-is appendix A, with figures A.1, A.2, ...  Sphinx alone would number by position.
+is appendix A: the names of files tell.  An equation, a figure, a table, an algorithm or a theorem
+that the thesis prints has the thesis's number, from ``book/thesis_items.csv``; what is ours
+alone has a letter, such as figure 3.c.  Sphinx alone would number by position.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import Any
+
+from docutils.nodes import make_id
+
+from thesis_lib.book.thesis_items import ITEMS, Item, read_items
+
+_KINDS = {"displaymath": "equation", "proposition": "fact"}
+"""Kinds of the thesis's items where Sphinx has another word."""
 
 _CHAPTER = re.compile(r"(?:^|/)(?:ch(?P<chapter>\d+)|appendix_(?P<appendix>[a-z]))(?:_|$)")
 
@@ -53,11 +64,54 @@ def _renumber(env: Any) -> None:
             node["secnumber"] = [first, *node["secnumber"][1:]]
 
 
+def letter(count: int) -> str:
+    """The count-th of a, b, ..., z, aa, ab, ..., from 1.
+
+    >>> [letter(n) for n in (1, 26, 27, 53)]
+    ['a', 'z', 'aa', 'ba']
+    """
+    before, last = divmod(count - 1, 26)
+    return (letter(before) if before else "") + chr(ord("a") + last)
+
+
+def printed_numbers(items: Iterable[Item]) -> dict[tuple[str, str], str]:
+    """The thesis's number of what a page shows, by kind and by the identifier on the page.
+
+    An item shown in parts has a, b, ... added; a part that shows two items has both numbers.
+    """
+    found: dict[tuple[str, str], list[str]] = {}
+    for item in items:
+        for part, label in enumerate(item.labels, start=1):
+            number = item.number + (letter(part) if len(item.labels) > 1 else "")
+            prefix = "equation-" if item.kind == "equation" else ""
+            found.setdefault((item.kind, make_id(prefix + label)), []).append(number)
+    return {key: ", ".join(numbers) for key, numbers in found.items()}
+
+
+def _number_items(env: Any, printed: Mapping[tuple[str, str], str]) -> None:
+    """Give figures, equations and their like the numbers of the thesis, or letters."""
+    counts: Counter[tuple[int | str, str]] = Counter()
+    for docname, by_kind in env.toc_fignumbers.items():
+        chapter = thesis_number(docname)
+        if chapter is None:
+            continue
+        for kind, numbers in by_kind.items():
+            if kind in ("exercise", "solution"):
+                continue
+            for node_id in numbers:
+                known = printed.get((_KINDS.get(kind, kind), make_id(node_id)))
+                if known is None:
+                    counts[chapter, kind] += 1
+                    numbers[node_id] = (chapter, letter(counts[chapter, kind]))
+                else:
+                    numbers[node_id] = (known,)
+
+
 def setup(app: Any) -> dict[str, bool]:
     """Register with Sphinx, around the numbering by position that Jupyter Book has set up."""
     from sphinx_external_toc.collectors import TocTreeCollectorWithStyles as Collector
 
-    assign = Collector.assign_section_numbers
+    assign, assign_items = Collector.assign_section_numbers, Collector.assign_figure_numbers
 
     def assign_thesis_numbers(collector: Any, env: Any) -> list[str]:
         before = dict(env.toc_secnumbers)
@@ -65,5 +119,12 @@ def setup(app: Any) -> dict[str, bool]:
         _renumber(env)
         return [name for name, now in env.toc_secnumbers.items() if now != before.get(name)]
 
+    def assign_thesis_items(collector: Any, env: Any) -> list[str]:
+        before = dict(env.toc_fignumbers)
+        assign_items(collector, env)
+        _number_items(env, printed_numbers(read_items(Path(env.srcdir) / ITEMS)))
+        return [name for name, now in env.toc_fignumbers.items() if now != before.get(name)]
+
     Collector.assign_section_numbers = assign_thesis_numbers  # type: ignore[method-assign]
+    Collector.assign_figure_numbers = assign_thesis_items  # type: ignore[method-assign, assignment]
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -262,7 +262,7 @@ class Domain:
         return [self.scatter(function, m, fill) for m in range(len(self))]
 
     def uniform(self) -> FloatArray:
-        """Uniform weighting p(x|m) = 1/|X_m| (section 3.3.6, option 4), shape ``(M, O, A)``."""
+        r"""Uniform :math:`p(x|m) = 1/|X_m|` (section 3.3.6, option 4), shape ``(M, O, A)``."""
         n_actions = len(self.actions)
         rows = self.present / (self.present.sum(axis=1, keepdims=True) * n_actions)
         return np.repeat(rows[:, :, None], n_actions, axis=2)

@@ -27,7 +27,7 @@ def list_sequences(
     Parameters
     ----------
     n_tasks
-        Number of tasks |M|.
+        Number of tasks M.
     k
         Sequence length.
     distribution

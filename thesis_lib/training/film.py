@@ -1,7 +1,9 @@
-"""Draw one run of a test as an animated picture."""
+"""Draw one run of a test as a film or an animated picture."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -22,8 +24,19 @@ from thesis_lib.training.evaluation import (
 from thesis_lib.training.run import Training
 from thesis_lib.training.trained import Trained, read_trained
 
-FILM_FORMATS = (".webp", ".gif", ".png")
-"""Suffixes of the animated pictures a film can be written to."""
+Picture = NDArray[np.uint8]
+
+PICTURES = {".webp": "WEBP", ".gif": "GIF", ".png": "PNG"}
+"""Animated pictures, by suffix."""
+
+VIDEOS = {".mp4": "libx264", ".webm": "libvpx-vp9"}
+"""Encoders of videos, which are a tenth of their size, by suffix."""
+
+FILM_FORMATS = (*PICTURES, *VIDEOS)
+"""Suffixes that a film can have."""
+
+QUALITY = 30
+"""Constant rate factor of videos: a higher one is smaller and coarser."""
 
 FRAMES_A_SECOND = 25
 """Of a film; time runs as in the simulation."""
@@ -64,10 +77,95 @@ def check_film(path: Path | str, config: EvaluateConfig, run: int = 0) -> Path:
             f"a film cannot be written as {target.suffix!r}: choose one of "
             f"{', '.join(FILM_FORMATS)}."
         )
+    if target.suffix in VIDEOS and find_spec("av") is None:
+        raise ValueError(
+            f"a film is written as {target.suffix!r} by the package av: pip install "
+            f"'thesis_lib[film]', or choose one of {', '.join(PICTURES)}."
+        )
     if not 0 <= run < config.runs:
         raise ValueError(f"run is {run}, but the runs are 0 to {config.runs - 1}.")
     writable_directory(target.parent)
     return target
+
+
+def pictures(
+    trained: Training | Trained,
+    config: EvaluateConfig,
+    *,
+    run: int = 0,
+    width: int = 480,
+    height: int = 320,
+) -> tuple[list[Picture], int]:
+    """Pictures of one run of a test, and how many of them make a second.
+
+    Parameters
+    ----------
+    trained
+        The policy.
+    config
+        The test.
+    run
+        Which of its runs to show.
+    width, height
+        Pixels.
+
+    Raises
+    ------
+    thesis_lib.locomotion.rendering.NoGL
+        When nothing can be drawn on this machine.
+    """
+    from thesis_lib.locomotion.rendering import film as draw
+
+    task = task_for(trained, config)
+    robot, dt = task.task.robot.name, task.task.robot.control_dt
+    states = positions(task, acting(trained.policy, config, dt), run, exploration(config))
+    every = max(1, round(1 / (FRAMES_A_SECOND * dt)))
+    drawn = draw(robot, states[::every], ground_of(config, robot, run), width=width, height=height)
+    return drawn, round(1 / (every * dt))
+
+
+def write_film(drawn: Sequence[Picture], rate: int, target: Path) -> None:
+    """Write pictures as a film; its suffix is one of :data:`FILM_FORMATS`.
+
+    Parameters
+    ----------
+    drawn
+        The pictures, each ``(height, width, 3)`` with an even height and width for videos.
+    rate
+        Pictures a second.
+    target
+        The file.
+    """
+    with replacing(target) as temporary:
+        if target.suffix in VIDEOS:
+            _write_video(drawn, rate, temporary, target.suffix)
+            return
+        first, *others = [Image.fromarray(picture) for picture in drawn]
+        first.save(
+            temporary,
+            format=PICTURES[target.suffix],
+            save_all=True,
+            append_images=others,
+            duration=round(1000 / rate),
+            loop=0,
+        )
+
+
+def _write_video(drawn: Sequence[Picture], rate: int, target: Path, suffix: str) -> None:
+    """Encode, without sound, so that every browser plays it."""
+    import av
+
+    # The index goes to the front, so that a video plays before it is loaded.
+    options = {"movflags": "+faststart"} if suffix == ".mp4" else {}
+    with av.open(str(target), "w", format=suffix[1:], options=options) as container:
+        stream = container.add_stream(VIDEOS[suffix], rate=rate)
+        assert isinstance(stream, av.VideoStream)
+        stream.height, stream.width = drawn[0].shape[:2]
+        stream.pix_fmt = "yuv420p"
+        stream.options = {"crf": str(QUALITY), **({"b": "0"} if suffix == ".webm" else {})}
+        for picture in drawn:
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        container.mux(stream.encode())
 
 
 def film(
@@ -79,20 +177,16 @@ def film(
     width: int = 480,
     height: int = 320,
 ) -> Path:
-    """Write a film of one run of a test as an animated picture.
+    """Write a film of one run of a test.
 
     Parameters
     ----------
     trained
         A run, or the path of its checkpoint or directory.
     path
-        Of the picture: ``.webp``, ``.gif`` or ``.png``.
-    config
-        The test.
-    run
-        Which of its runs to show.
-    width, height
-        Pixels.
+        Of the film; its suffix is one of :data:`FILM_FORMATS`.
+    config, run, width, height
+        As in :func:`pictures`.
 
     Raises
     ------
@@ -101,27 +195,8 @@ def film(
     thesis_lib.locomotion.rendering.NoGL
         When nothing can be drawn on this machine.
     """
-    from thesis_lib.locomotion.rendering import film as draw
-
     chosen = config or EvaluateConfig()
     target = check_film(path, chosen, run)
     loaded = read_trained(trained) if isinstance(trained, Path | str) else trained
-    task = task_for(loaded, chosen)
-    dt = task.task.robot.control_dt
-    states = positions(task, acting(loaded.policy, chosen, dt), run, exploration(chosen))
-    every = max(1, round(1 / (FRAMES_A_SECOND * dt)))
-    robot = task.task.robot.name
-    ground = ground_of(chosen, robot, run)
-    pictures = draw(robot, states[::every], ground, width=width, height=height)
-    frames = [Image.fromarray(p) for p in pictures]
-    milliseconds = round(1000 * every * dt)
-    with replacing(target) as temporary:
-        frames[0].save(
-            temporary,
-            format={".webp": "WEBP", ".gif": "GIF", ".png": "PNG"}[target.suffix],
-            save_all=True,
-            append_images=frames[1:],
-            duration=milliseconds,
-            loop=0,
-        )
+    write_film(*pictures(loaded, chosen, run=run, width=width, height=height), target)
     return target

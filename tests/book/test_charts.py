@@ -1,0 +1,71 @@
+"""Figures with a slider: what they draw."""
+
+import json
+import re
+from collections import defaultdict
+from typing import Any
+
+import pytest
+
+from thesis_lib.book import charts
+
+
+def rows(chart: Any) -> list[dict[str, Any]]:
+    """All data of a chart."""
+    return [row for data in chart.to_dict()["datasets"].values() for row in data]
+
+
+def test_the_exponential_goes_through_three_values_of_the_law() -> None:
+    share = defaultdict(dict)
+    for row in rows(charts.law()):
+        if row["n"] == 3:
+            share[row["curve"]][row["k"]] = row["share"]
+    own, fitted = share["the law"], share["FS-TEK's exponential"]
+    assert own[40] == pytest.approx(1 / 40)
+    for k in (1, 2, 3):  # 1/4 + 3/4 (1/3)^(k - 1) is 1, 1/2, 1/3
+        assert fitted[k] == pytest.approx(1 / k, abs=1e-4)
+    assert fitted[40] == pytest.approx(1 / 4, abs=1e-4)
+
+
+def test_every_level_of_the_slider_has_a_curve() -> None:
+    (slider,) = charts.threshold().to_dict()["params"][:1]
+    ends = slider["bind"]
+    levels = {row["exponent"] for row in rows(charts.threshold())}
+    wanted = ends["min"]
+    while wanted <= ends["max"]:
+        assert wanted in levels
+        wanted += ends["step"]
+
+
+@pytest.mark.parametrize(("epsilon", "arrives"), [(0.01, True), (0.09, False)])
+def test_the_best_policy_huddles_where_exploring_is_dangerous(
+    epsilon: float, arrives: bool
+) -> None:
+    arrows = {
+        (row["x"], row["y"]): row["move"]
+        for row in rows(charts.huddle())
+        if row.get("epsilon") == pytest.approx(epsilon)
+    }
+    steps = {"↑": (0, 1), "→": (1, 0), "↓": (0, -1), "←": (-1, 0)}
+    place = (0, 0)  # the start; the goal is (3, 0), the cliff between them
+    for _ in range(20):
+        if place == (3, 0):
+            break
+        move = steps[arrows[place]]
+        place = (min(max(place[0] + move[0], 0), 3), min(max(place[1] + move[1], 0), 3))
+    assert (place == (3, 0)) is arrives
+
+
+def test_every_robot_has_nine_networks() -> None:
+    nets = defaultdict(set)
+    for row in rows(charts.learning()):
+        nets[row["task"]].add(row["architecture"])
+    assert len(nets) == 5
+    assert {len(found) for found in nets.values()} == {9}
+
+
+def test_the_page_holds_picture_words_and_chart() -> None:
+    page = charts._page("law", "Words.", {"title": "</script>"})
+    assert "![Words.](/book/_generated/chart-law.svg)" in page
+    (data,) = re.findall(r'<script type="application/json">(.*)</script>', page)
+    assert json.loads(data) == {"title": "</script>"}

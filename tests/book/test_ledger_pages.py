@@ -1,0 +1,83 @@
+"""The pages written from the ledger."""
+
+import json
+import re
+
+import pytest
+
+from thesis_lib.book import ledger
+from thesis_lib.edition import chapters
+from thesis_lib.edition.ledger import Claim, Difference, Finding, Judgement, OverRoots, Verdict
+
+CLAIM = Claim(
+    *("3.4.1-numbers", "Table 3.1", "The means are ours.", ("table-3.1",), "Near.", lambda _: None),
+    headline=True,
+    at="sec-table-3-1",
+    figure="fig-ch3-table-3-1",
+)
+OVER = OverRoots({Verdict.REFUTED: 10}, "book", "", False)
+JUDGED = Judgement(CLAIM, Finding(Verdict.REFUTED, "Off by 3."), "book", OVER)
+OWN = Judgement(
+    Claim("B.1-own", "B.1", "Ours.", (), "Exact.", lambda _: None, ours=True),
+    Finding(Verdict.REPRODUCED, "It is."),
+    "exact",
+)
+
+
+def test_a_claim_has_a_row_with_verdict_place_evidence_and_command() -> None:
+    page = ledger.scoreboard_markdown([OWN, JUDGED])
+    assert "* - [refuted]{.verdict .refuted}\n    10 of 10\n  - (claim-3.4.1-numbers)=" in page
+    for part in (
+        "    The means are ours.",
+        "    Off by 3.",
+        "    *Shown in*: {numref}`fig-ch3-table-3-1`.",
+        "`thesis run table-3.1` (budget: book)",
+        "`thesis claims 3.4.1-numbers --seeds 10`",
+        "  - [Table 3.1](#sec-table-3-1)\n    [headline]{.mark}",
+        "  - [B.1](#sec-ch4-appendix-b)\n    [ours]{.mark}",
+    ):
+        assert part in page, part
+    assert page.index("claim-3.4.1") < page.index("claim-B.1")  # the thesis's order
+
+
+def test_a_difference_has_a_row() -> None:
+    row = Difference(*("3-row", "3.4.1", "Topic", "It says.", "We do.", "`x`"), effect="Little.")
+    page = ledger.differences_markdown([row], "nowhere")
+    assert "* - [3.4.1](#ch-potentials)\n  - (difference-3-row)=\n    **Topic.** We do." in page
+    assert "*The thesis*: It says." in page
+    assert "*What it changes*: Little." in page
+
+
+def test_other_pages_quote_verdict_and_evidence() -> None:
+    told = json.loads(ledger.quoted([JUDGED]))
+    assert told == {"3.4.1-numbers": {"verdict": "refuted (10 of 10)", "evidence": "Off by 3."}}
+
+
+def test_findings_count_the_claims_of_the_thesis() -> None:
+    text = ledger.findings_markdown([JUDGED, OWN])
+    assert "Of 1 claims that evidence decides: 1 refuted." in text
+    assert "- The means are ours. [Refuted](#claim-3.4.1-numbers)." in text
+
+
+def test_sections_sort_as_in_the_thesis() -> None:
+    sections = ["B.1", "Table 3.1", "3.4.1", "Appendix A, fact 1", "3.3", "3.10", "5", "5.1"]
+    assert sorted(sections, key=ledger.in_order) == [
+        *("3.3", "3.4.1", "3.10", "Table 3.1", "5", "5.1", "Appendix A, fact 1", "B.1"),
+    ]
+
+
+def test_the_questions_name_claims_that_are_there() -> None:
+    """Each of section 1.3's six questions has both answers."""
+    rows = ledger.questions()
+    assert len(rows) == 6
+    named = {x for row in rows for x in re.findall(r"\{([^}]+)\}", row["ours"])}
+    assert named <= {claim.id for claim in chapters.claims()}
+    assert all(re.search(r"\{", row["ours"]) and row["thesis"] for row in rows)
+
+
+def test_questions_tell_verdicts() -> None:
+    row = {"text": "What?", "thesis": "This.", "ours": "It is {3.4.1-numbers}."}
+    told = ledger.questions_markdown([row], [JUDGED])
+    assert "It is [refuted (10 of 10)](#claim-3.4.1-numbers)." in told
+    with pytest.raises(ValueError, match=r"'0\.2'"):
+        ledger.questions_markdown([row | {"ours": "It is {0.2}."}], [JUDGED])

@@ -1,0 +1,38 @@
+"""The book as one PDF."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+from pypdf import PdfReader
+
+from thesis_lib.book.pdf import contents, make_pdf
+
+PAGE = """<!DOCTYPE html><html lang="en"><head><title>{0} — The book</title></head>
+<body><h1>{0}</h1><a href="{1}.html#there">{1}</a><a href="https://example.org">out</a></body></html>
+"""
+
+
+def test_contents_in_order() -> None:
+    toc = "root: book/intro\nparts:\n  - chapters:\n      - file: book/one\n        sections:\n"
+    assert contents(toc + "          - file: book/two\n") == ["book/intro", "book/one", "book/two"]
+
+
+@pytest.mark.browser
+@pytest.mark.skipif(not shutil.which("chromium"), reason="there is no chromium on this machine")
+def test_pages_are_joined_with_bookmarks_and_links_between_them(tmp_path: Path) -> None:
+    for name, other in (("one", "two"), ("two", "one")):
+        (tmp_path / f"{name}.html").write_text(PAGE.format(name, other))
+    assert make_pdf(tmp_path, ["one", "two"], tmp_path / "book.pdf") == 2
+    book = PdfReader(tmp_path / "book.pdf")
+    assert [sheet.extract_text().split()[0] for sheet in book.pages] == ["one", "two"]
+    assert [mark.title for mark in book.outline] == ["one", "two"]
+    assert [book.get_destination_page_number(mark) for mark in book.outline] == [0, 1]
+    inner, outer = (note.get_object()["/A"] for note in book.pages[0]["/Annots"])
+    assert inner["/D"][0].get_object() == book.pages[1]
+    assert outer["/URI"] == "https://example.org/"
+
+
+def test_a_book_that_was_not_built_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match="has no page one: build the book first"):
+        make_pdf(tmp_path, ["one"], tmp_path / "book.pdf")

@@ -1,0 +1,187 @@
+"""Figures with a slider, made by Altair: a picture without scripts, Vega-Lite with them.
+
+Each function makes one, from the library or from committed results, so that none carries a
+number of its own.  The script that moves them is shipped with the book
+(:mod:`thesis_lib.book.offline`).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from itertools import product
+from typing import Any
+
+import altair as alt
+import numpy as np
+import pandas as pd
+
+from thesis_lib.domains.cliff import continuing_cliff, layouts
+from thesis_lib.edition.plots import COLOURS
+from thesis_lib.edition.saved import saved
+from thesis_lib.mdp.planning import soft_policy_iteration
+from thesis_lib.selection.fitting import fit_inverse, fstek_threshold
+from thesis_lib.selection.jackknife import f_threshold
+
+WIDTH, HEIGHT = 560, 300
+"""Pixels of a chart."""
+
+
+def _slider(name: str, value: float, words: str, **ends: float) -> alt.Parameter:
+    """A number that the reader chooses."""
+    return alt.param(name=name, value=value, bind=alt.binding_range(name=words, **ends))
+
+
+def law() -> alt.Chart:
+    r"""k-relevance by its law, and the exponential that FS-TEK fits to its first n values."""
+    first = _slider("first", 8, "relevance in one task, ρ₁ ", min=0, max=10, step=0.5)
+    limit = _slider("limit", 2, "domain relevance, ρ∞ ", min=0, max=10, step=0.5)
+    seen = _slider("seen", 4, "tasks seen, n ", min=3, max=10, step=1)
+    ks = np.arange(1, 41)
+    rows = []
+    for n in range(3, 11):
+        constant, scale, rate = fit_inverse(n).theta
+        fitted = constant + scale * np.exp(-rate * ks)
+        for name, share in (("the law", 1 / ks), ("FS-TEK's exponential", fitted)):
+            rows += [
+                {"n": n, "k": int(k), "curve": name, "share": round(float(s), 5)}
+                for k, s in zip(ks, share, strict=True)
+            ]
+    base = (
+        alt.Chart(pd.DataFrame(rows))
+        .transform_filter("datum.n == seen")
+        .transform_calculate(value="limit + (first - limit) * datum.share")
+        .encode(
+            x=alt.X("k:Q", title="length of the sequence, k"),
+            y=alt.Y("value:Q", title="k-relevance", scale=alt.Scale(zero=False)),
+            color=alt.Color("curve:N", title=None),
+        )
+    )
+    lines = base.mark_line(strokeWidth=2)
+    points = base.transform_filter("datum.k <= seen && datum.curve == 'the law'").mark_point(
+        filled=True, size=60
+    )
+    return (lines + points).add_params(first, limit, seen)
+
+
+def threshold() -> alt.Chart:
+    """The F-ratio up to which FS-TEK removes a feature, and that of a test at 5%."""
+    exponents = np.arange(-4, 0, 0.25)
+    level = _slider("level", -2, "FS-TEK's level α = 10 to the ", min=-4, max=-0.25, step=0.25)
+    seen = [*range(4, 21), 25, 30, 40, 50]
+    rows = [
+        {"n": n, "exponent": e, "rule": "FS-TEK", "F": round(fstek_threshold(n, 10**e), 3)}
+        for n, e in product(seen, map(float, exponents))
+    ]
+    rows += [
+        {"n": n, "exponent": e, "rule": "jackknife F at 5%", "F": round(f_threshold(n, 0.05), 3)}
+        for n, e in product(seen, map(float, exponents))
+    ]
+    return (
+        alt.Chart(pd.DataFrame(rows))
+        .transform_filter("datum.exponent == level")
+        .mark_line(point=True)
+        .encode(
+            x=alt.X("n:Q", title="tasks seen, n"),
+            y=alt.Y("F:Q", title="F-ratio up to which a feature goes"),
+            color=alt.Color("rule:N", title=None),
+        )
+        .add_params(level)
+    )
+
+
+def huddle() -> alt.Chart:
+    """The best soft policy on a continuing cliff, by how much it explores."""
+    layout, task = layouts()[0], continuing_cliff(0.95).tasks[0]
+    names = {layout.start: "S", layout.goal: "G", **dict.fromkeys(layout.cliff, "cliff")}
+    cells = pd.DataFrame([layout.cell(s) for s in range(task.n_states)], columns=["x", "y"])
+    cells["name"] = [names.get(layout.cell(s), "") for s in range(task.n_states)]
+    open_cells = cells[~cells.name.isin(["cliff", "G"])]
+    rows = []
+    for epsilon in np.arange(0.005, 0.1, 0.005).round(3):
+        best = soft_policy_iteration(task, float(epsilon)).q.argmax(axis=1)
+        moves = ["↑→↓←"[best[s]] for s in open_cells.index]
+        rows.append(open_cells.assign(epsilon=epsilon, move=moves))
+    explored = _slider("explored", 0.02, "exploration rate ε ", min=0.005, max=0.095, step=0.005)
+    place = {
+        "x": alt.X("x:O", title=None, axis=None),
+        "y": alt.Y("y:O", title=None, axis=None, sort="descending"),
+    }
+    grid = alt.Chart(cells).encode(**place)
+    squares = grid.mark_rect(stroke="#999999", strokeWidth=1).encode(
+        color=alt.condition("datum.name == 'cliff'", alt.value("#555555"), alt.value("white"))
+    )
+    corners = grid.transform_filter("datum.name != 'cliff'").mark_text(size=16, dx=-24, dy=-24)
+    arrows = (
+        alt.Chart(pd.concat(rows))
+        .transform_filter("abs(datum.epsilon - explored) < 0.001")
+        .mark_text(size=28)
+        .encode(**place, text="move:N")
+    )
+    return (squares + corners.encode(text="name:N") + arrows).add_params(explored)
+
+
+def learning() -> alt.Chart:
+    """Learning curves of nine networks, a robot at a time."""
+    curves = saved("learning/curves").table
+    curves = curves[curves.iteration % 2 == 0]
+    by = curves.groupby(["task", "architecture", "iteration"], as_index=False)
+    means = by[["steps", "mean_return"]].mean().round(1).drop(columns="iteration")
+    robot = alt.param(
+        name="robot",
+        value="HalfCheetah",
+        bind=alt.binding_select(options=list(means.task.unique()), name="robot "),
+    )
+    nets = alt.selection_point(fields=["architecture"], bind="legend")
+    return (
+        alt.Chart(means)
+        .transform_filter("datum.task == robot")
+        .mark_line()
+        .encode(
+            x=alt.X("steps:Q", title="control steps"),
+            y=alt.Y("mean_return:Q", title="mean return of a batch"),
+            color=alt.Color(
+                "architecture:N", title="network", scale=alt.Scale(range=[*COLOURS, "#777777"])
+            ),
+            opacity=alt.when(nets).then(alt.value(1)).otherwise(alt.value(0.12)),
+        )
+        .add_params(robot, nets)
+    )
+
+
+CHARTS: Mapping[str, tuple[Callable[[], alt.Chart], str]] = {
+    "law": (law, "k-relevance over k: the law, and the exponential through its first values"),
+    "threshold": (threshold, "F-ratio up to which FS-TEK removes a feature, over tasks seen"),
+    "huddle": (huddle, "The cliff's grid with the best action of each cell as an arrow"),
+    "learning": (learning, "Mean return over control steps for nine networks"),
+}
+"""What makes each chart, and what its picture shows, for those who do not see it."""
+
+
+def charts() -> dict[str, str]:
+    """Every chart as files: ``chart-NAME.md`` to be included, and the picture it shows."""
+    import vl_convert
+
+    made = {}
+    for name, (make, words) in CHARTS.items():
+        chart = make().configure(background="white", font="DejaVu Sans")
+        chart = chart.configure_range(category=list(COLOURS))
+        square = name == "huddle"
+        spec = chart.properties(width=HEIGHT if square else WIDTH, height=HEIGHT).to_dict()
+        made[f"chart-{name}.svg"] = vl_convert.vegalite_to_svg(spec)
+        moving = spec if square else {**spec, "width": "container"}
+        made[f"chart-{name}.md"] = _page(name, words, moving)
+    return made
+
+
+def _page(name: str, words: str, spec: Mapping[str, Any]) -> str:
+    """The picture, and beside it what moves it."""
+    data = json.dumps(spec, ensure_ascii=False, separators=(",", ":")).replace("</", "<\\/")
+    return f"""````{{div}} chart
+![{words}](/book/_generated/chart-{name}.svg)
+
+```{{raw}} html
+<script type="application/json">{data}</script>
+```
+````
+"""

@@ -1,0 +1,221 @@
+"""The ledger as pages: tallies, one table of claims, one of differences, and what others quote."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+
+from thesis_lib.book.thesis_items import link
+from thesis_lib.edition.ledger import MEANING, Difference, Judgement, Verdict
+from thesis_lib.edition.scoreboard import effect
+
+_CLASSES = ("exact", "in all roots", "in most", "in fewer", "one root")
+
+_CHAPTERS = {
+    "1": "ch-introduction",
+    "2": "ch-background",
+    "3": "ch-potentials",
+    "4": "ch-relevance",
+    "5": "ch-recurrent-policies",
+    "6": "ch-conclusions",
+    "A": "ch-appendix-a",
+    "B": "sec-ch4-appendix-b",
+}
+"""Labels of our pages, for rows that name no section of them."""
+
+
+def quoted(judged: Iterable[Judgement]) -> str:
+    """Verdict and evidence of every claim by id, as JSON, for the roles of other pages."""
+    told = {j.claim.id: {"verdict": j.told(), "evidence": j.finding.evidence} for j in judged}
+    return json.dumps(told, indent=1, ensure_ascii=False) + "\n"
+
+
+def scoreboard_markdown(judged: Sequence[Judgement]) -> str:
+    """Body of the page *Scoreboard*: tallies, then one table of claims, as MyST Markdown.
+
+    The verdicts are those over roots where they are committed, except at the smoke budget.
+    """
+    lines = [*_tally(judged), "::::{list-table} Every claim, in the thesis's order"]
+    lines += [":name: tbl-claims", ":class: ledger", ":header-rows: 1", ""]
+    lines += ["* - verdict", "  - claim", "  - where"]
+    for j in sorted(judged, key=lambda j: in_order(j.claim.section)):
+        lines += _claim(j)
+    return "\n".join([*lines, "::::", ""])
+
+
+def _claim(j: Judgement) -> list[str]:
+    """One row of the table of claims."""
+    claim = j.claim
+    about = [claim.section]
+    about += ["headline"] * claim.headline + ["ours"] * claim.ours
+    about += ["identity"] * (claim.kind == "identity")
+    made = ", ".join(f"`thesis run {e}`" for e in claim.experiments) or "exact computation"
+    told = [
+        j.finding.evidence,
+        f"*Criterion*: {claim.criterion}",
+        f"*Evidence from*: {made} (budget: {j.budget}).",
+        *([f"*Shown in*: {link(claim.figure)}."] if claim.figure else []),
+        *(
+            [f"*Judge it again*: `thesis claims {claim.id} --seeds 10`."]
+            if claim.experiments
+            else []
+        ),
+    ]
+    return [
+        f"* - [{j.verdict}]{{.verdict .{_slug(j.verdict)}}}",
+        *([f"    {j.over.frequency}"] if j.over else []),
+        f"  - (claim-{claim.id})=",
+        f"    {claim.statement}",
+        *_dropdown("Evidence and criterion", told),
+        f"  - {_where(claim.at, claim.section)}",
+        *(f"    [{word}]{{.mark}}" for word in about[1:]),
+    ]
+
+
+def differences_markdown(rows: Iterable[Difference], results: Path | str) -> str:
+    """Body of the page *Differences from the thesis*: one table, as MyST Markdown."""
+    lines = ["::::{list-table} Every difference, in the thesis's order"]
+    lines += [":name: tbl-differences", ":class: ledger", ":header-rows: 1", ""]
+    lines += ["* - where", "  - the thesis, and what is done here"]
+    for row in sorted(rows, key=lambda row: in_order(row.section)):
+        told = [
+            f"*The thesis*: {row.thesis}",
+            f"*Option*: {row.option}",
+            f"*What it changes*: {effect(row, results)}",
+        ]
+        lines += [
+            f"* - {_where(row.at, row.section)}",
+            f"  - (difference-{row.id})=",
+            f"    **{row.topic}.** {row.ours}",
+            *_dropdown("The text, the option, the effect", told),
+        ]
+    return "\n".join([*lines, "::::", ""])
+
+
+def findings_markdown(judged: Sequence[Judgement]) -> str:
+    """The tally and the verdicts on the headline claims, for chapter 6."""
+    tally = Counter(j.verdict for j in judged if _counts(j))
+    counts = ", ".join(f"{tally[v]} {v}" for v in Verdict if tally[v])
+    lines = [f"Of {tally.total()} claims that evidence decides: {counts}.", ""]
+    lines += [
+        f"- {j.claim.statement} [{str(j.verdict).capitalize()}](#claim-{j.claim.id})."
+        for j in judged
+        if j.claim.headline
+    ]
+    return "\n".join([*lines, ""])
+
+
+def questions() -> list[dict[str, str]]:
+    """The six research questions: ``text``, ``thesis``, and ``ours`` with claims in braces."""
+    file = resources.files("thesis_lib.chapter6") / "questions.toml"
+    found: list[dict[str, str]] = tomllib.loads(file.read_text(encoding="utf-8"))["question"]
+    return found
+
+
+def questions_markdown(rows: Iterable[Mapping[str, str]], judged: Iterable[Judgement]) -> str:
+    """The research questions, each answered by the thesis and from the ledger, as MyST Markdown.
+
+    Raises
+    ------
+    ValueError
+        For an answer that names a claim which is not there.
+    """
+    told = {j.claim.id: f"[{j.told()}](#claim-{j.claim.id})" for j in judged}
+
+    def verdict(found: re.Match[str]) -> str:
+        if found[1] not in told:
+            raise ValueError(f"questions.toml names a claim {found[1]!r}, which is not there.")
+        return told[found[1]]
+
+    lines = []
+    for row in rows:
+        ours = re.sub(r"\{([^}]+)\}", verdict, row["ours"].strip())
+        lines += [f"### {row['text']}", "", f"**The thesis.** {row['thesis']}", ""]
+        lines += [f"**This edition.** {ours}", ""]
+    return "\n".join(lines)
+
+
+def in_order(section: str) -> tuple[str, list[float]]:
+    """A key that sorts what names sections, tables and figures in the thesis's order.
+
+    A table or a figure comes after the sections of its chapter.
+
+    >>> sorted(["B.1", "Table 3.1", "3.4.1", "Appendix A, fact 1", "3.3"], key=in_order)
+    ['3.3', '3.4.1', 'Table 3.1', 'Appendix A, fact 1', 'B.1']
+    """
+    number = re.search(r"\b([A-C]|\d)(?:\.([\d.]*\d))?\b", section)
+    if number is None:
+        return "", []
+    parts = [float(part) for part in (number[2] or "0").split(".")]
+    return number[1], parts if section.startswith(number[0]) else [float("inf"), *parts]
+
+
+def _tally(judged: Iterable[Judgement]) -> list[str]:
+    """How many claims have which verdict, and how often it came out."""
+    judged = list(judged)
+    evidence = [j for j in judged if _counts(j)]
+    identities = sum(j.claim.kind == "identity" and not j.claim.ours for j in judged)
+    ours = sum(j.claim.ours for j in judged)
+    repeated = sum(bool(j.claim.rests_on) for j in judged)
+    lines = [
+        f"| verdict | meaning | {' | '.join(_CLASSES)} | claims |",
+        f"| :-- | :-- | {'--: | ' * len(_CLASSES)}--: |",
+    ]
+    for verdict in Verdict:
+        own = [j for j in evidence if j.verdict is verdict]
+        by = Counter(_frequency_class(j) for j in own)
+        if own:
+            cells = " | ".join(str(by[name] or "") for name in _CLASSES)
+            told = f"[{verdict}]{{.verdict .{_slug(verdict)}}}"
+            lines.append(f"| {told} | {MEANING[verdict]} | {cells} | {len(own)} |")
+    return [
+        *lines,
+        f"| all | that evidence decides {'| ' * len(_CLASSES)}| {len(evidence)} |",
+        "",
+        f"Besides these, {identities} claims are proofs or arithmetic, which no experiment can "
+        f"deny, {repeated} repeat or sum up others, and {ours} are our own.",
+        "",
+    ]
+
+
+def _frequency_class(judgement: Judgement) -> str:
+    over = judgement.over
+    if over is None:
+        return "one root" if judgement.claim.experiments else "exact"
+    if over.exact:
+        return "exact"
+    held = over.counts.get(over.verdict, 0)
+    return "in all roots" if held == over.of else "in most" if held else "in fewer"
+
+
+def _counts(judgement: Judgement) -> bool:
+    """Whether a claim is the thesis's own, no repetition, and decided by evidence."""
+    claim = judgement.claim
+    return not claim.ours and not claim.rests_on and claim.kind == "evidence"
+
+
+def _where(label: str, section: str) -> str:
+    """A link to where our book treats a section of the thesis, that shows the thesis's name."""
+    target = label or _CHAPTERS.get(in_order(section)[0], "")
+    return f"[{section}](#{target})" if target else section
+
+
+def _dropdown(title: str, paragraphs: Iterable[str]) -> list[str]:
+    """A part of a cell that unfolds, as plain HTML: the page has hundreds."""
+    lines = ["", *_raw(f"<details><summary>{title}</summary>"), ""]
+    for paragraph in paragraphs:
+        lines += [f"    {paragraph}", ""]
+    return [*lines, *_raw("</details>")]
+
+
+def _raw(markup: str) -> list[str]:
+    return ["    ```{raw} html", f"    {markup}", "    ```"]
+
+
+def _slug(verdict: Verdict) -> str:
+    return str(verdict).replace(" ", "-")

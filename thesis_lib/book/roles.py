@@ -1,0 +1,66 @@
+"""A Sphinx extension by which prose pages quote the ledger: no verdict or number is typed.
+
+``{verdict}`3.4.1-numbers``` prints the verdict on a claim, with a link to its row of the
+Scoreboard, and ``{evidence}`3.4.1-numbers``` the sentences that support it.  An id that does not
+exist fails the build.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from docutils import nodes
+from sphinx.addnodes import pending_xref
+from sphinx.util.docutils import SphinxRole
+
+LEDGER = Path("book", "_generated", "ledger.json")
+
+
+class _Quote(SphinxRole):
+    """Looks a claim up."""
+
+    def claim(self) -> dict[str, str]:
+        """Verdict and evidence; the checkout's own pages have neither before they are built."""
+        file = Path(self.env.srcdir, LEDGER)
+        self.env.note_dependency(str(file))
+        ledger = json.loads(file.read_text(encoding="utf-8"))
+        if ledger and self.text not in ledger:
+            message = f"the ledger has no claim {self.text!r}"
+            self.inliner.reporter.warning(message, line=self.lineno)
+        return dict(ledger.get(self.text, {"verdict": "not built", "evidence": "Not built."}))
+
+
+class Verdict(_Quote):
+    """The verdict on a claim, which leads to its row."""
+
+    def run(self) -> tuple[list[nodes.Node], list[nodes.system_message]]:
+        """Make the link."""
+        told = self.claim()["verdict"]
+        reference = pending_xref(
+            "",
+            nodes.inline(told, told, classes=["xref", "std"]),
+            refdomain="std",
+            reftype="ref",
+            reftarget=f"claim-{self.text}".lower(),
+            refexplicit=True,
+            refwarn=True,
+            refdoc=self.env.docname,
+        )
+        return [reference], []
+
+
+class Evidence(_Quote):
+    """The evidence for it."""
+
+    def run(self) -> tuple[list[nodes.Node], list[nodes.system_message]]:
+        """Make the text."""
+        return [nodes.Text(self.claim()["evidence"])], []
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Register with Sphinx."""
+    app.add_role("verdict", Verdict())
+    app.add_role("evidence", Evidence())
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

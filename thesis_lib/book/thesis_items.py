@@ -1,0 +1,123 @@
+"""The numbered items of the thesis: where this edition has each, and what it did with it.
+
+They stand in ``book/thesis_items.csv``, a row an item.  The pages take their numbers from it, and
+the page *Map of the thesis* is written from it.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+from thesis_lib.edition.chapters import experiments
+from thesis_lib.edition.experiment import Experiment
+from thesis_lib.edition.ledger import Judgement
+
+ITEMS = Path("book", "thesis_items.csv")
+"""The file, in the checkout and in the staged book."""
+
+_HEADINGS = {
+    "equation": "Equations",
+    "algorithm": "Algorithms",
+    "definition": "Definitions",
+    "theorem": "Theorems, lemmas and facts",
+    "corollary": "Theorems, lemmas and facts",
+    "lemma": "Theorems, lemmas and facts",
+    "fact": "Theorems, lemmas and facts",
+    "table": "Tables",
+    "figure": "Figures",
+    "footnote": "Footnotes",
+}
+
+
+@dataclass(frozen=True)
+class Item:
+    """A numbered item of the thesis.
+
+    Attributes
+    ----------
+    kind
+        ``equation``, ``algorithm``, ``definition``, ``theorem``, ``corollary``, ``lemma``,
+        ``fact``, ``table``, ``figure`` or ``footnote``.
+    number
+        As the thesis prints it; a footnote's has its chapter before it.
+    about
+        A few words.
+    labels
+        Where this edition has it, the parts in order.
+    experiment
+        Id of the experiment that re-runs it, or nothing.
+    claim
+        Id of the claim of the ledger that judges it, or nothing.
+    state
+        What was done with it, where neither tells.
+    """
+
+    kind: str
+    number: str
+    about: str
+    labels: tuple[str, ...]
+    experiment: str
+    claim: str
+    state: str
+
+
+def read_items(path: Path) -> list[Item]:
+    """Read the file; its rows are in the order of the page."""
+    with path.open(encoding="utf-8", newline="") as file:
+        return [
+            Item(
+                *(row["kind"], row["number"], row["about"], tuple(row["label"].split())),
+                *(row["experiment"], row["claim"], row["state"]),
+            )
+            for row in csv.DictReader(file)
+        ]
+
+
+def items_markdown(items: Iterable[Item], judged: Iterable[Judgement]) -> str:
+    """Body of the page *Map of the thesis*: a table for each kind of item, as MyST Markdown.
+
+    Parameters
+    ----------
+    items
+        In the file's order.
+    judged
+        The ledger's verdicts.
+    """
+    known, verdicts = experiments(), {j.claim.id: j.told() for j in judged}
+    lines: list[str] = []
+    for heading, group in groupby(items, key=lambda item: _HEADINGS[item.kind]):
+        lines += [f"## {heading}", "", "| thesis | what | here | state |"]
+        lines += ["| :-- | :-- | :-- | :-- |"]
+        for item in group:
+            told = [item.state]
+            if item.experiment:
+                told.append(_run(known[item.experiment]))
+            if item.claim:
+                told.append(f"claim {verdicts[item.claim]}")
+            lines.append(
+                f"| {item.kind} {item.number} | {item.about} "
+                f"| {', '.join(map(link, item.labels))} | {'; '.join(filter(None, told))} |"
+            )
+        lines.append("")
+    return "\n".join(lines)
+
+
+def link(label: str) -> str:
+    """A link to an item or a section, that shows its number or its title."""
+    kind = label.partition("-")[0]
+    if kind == "eq":
+        return f"{{eq}}`{label}`"
+    if kind in ("fig", "tbl"):
+        return f"{{numref}}`{label}`"
+    return f"[](#{label})" if kind in ("sec", "ch") else f"{{prf:ref}}`{label}`"
+
+
+def _run(experiment: Experiment) -> str:
+    """How an experiment is run for the shipped book, with the command."""
+    same = experiment.config("book") == experiment.config("thesis")
+    budget = "re-run at the printed budget" if same else "re-run at the book's budget"
+    return f"{budget}, `thesis run {experiment.id}`"
