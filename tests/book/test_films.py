@@ -1,0 +1,22 @@
+"""The book's films."""
+
+from pathlib import Path
+
+from thesis_lib.book.films import FOLDER, Film, film_markdown, listed
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_every_film_is_there_with_its_still_and_no_other() -> None:
+    films = listed(ROOT)
+    assert films
+    names = {f"{film.name}{suffix}" for film in films for suffix in (".mp4", ".jpg")}
+    assert {file.name for file in (ROOT / FOLDER).iterdir()} == names
+
+
+def test_a_film_can_be_stopped_is_silent_and_is_told_in_words() -> None:
+    page = film_markdown(Film("run", 'It "runs".', ("a",)))
+    assert '<video controls muted loop playsinline preload="none"' in page
+    assert 'poster="../_static/films/run.jpg"' in page
+    assert 'aria-label="It &quot;runs&quot;."' in page
+    assert "autoplay" not in page
