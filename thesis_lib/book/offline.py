@@ -54,7 +54,7 @@ def _bundle_charts(app: Any, exception: Exception | None) -> None:
     if exception is None and app.builder.format == "html" and not target.exists():
         import vl_convert
 
-        target.write_text(vl_convert.javascript_bundle(), encoding="utf-8")
+        target.write_text(vl_convert.javascript_bundle(None), encoding="utf-8")
 
 
 def _drop_maps(app: Any, exception: Exception | None) -> None:
