@@ -11,6 +11,7 @@ from importlib import resources
 from pathlib import Path
 
 from thesis_lib.book.thesis_items import link
+from thesis_lib.edition import roots
 from thesis_lib.edition.ledger import MEANING, Difference, Judgement, Verdict
 from thesis_lib.edition.scoreboard import effect
 
@@ -66,6 +67,8 @@ def _claim(j: Judgement) -> list[str]:
             else []
         ),
     ]
+    if j.over and j.over.code != roots.code_of_claim(claim, j.over.budget):
+        told.append("*State*: the verdicts over roots were made by an earlier state of the code.")
     return [
         f"* - [{j.verdict}]{{.verdict .{_slug(j.verdict)}}}",
         *([f"    {j.over.frequency}"] if j.over else []),
