@@ -54,7 +54,9 @@ def _bundle_charts(app: Any, exception: Exception | None) -> None:
     if exception is None and app.builder.format == "html" and not target.exists():
         import vl_convert
 
-        target.write_text(vl_convert.javascript_bundle(None), encoding="utf-8")
+        # In a function of its own, since its names are those of Sphinx's scripts too.
+        bundle = vl_convert.javascript_bundle(None)
+        target.write_text(f"(() => {{\n{bundle}\n}})();\n", encoding="utf-8")
 
 
 def _drop_maps(app: Any, exception: Exception | None) -> None:
