@@ -128,6 +128,18 @@ def test_a_function_from_config_to_rows_is_an_experiment():
     pd.testing.assert_frame_equal(table, expected)
 
 
+def test_a_function_may_return_a_table_whose_columns_are_told_elsewhere():
+    columns = {"run": "Its number"}
+
+    @base.experiment("toy", item="T", smoke=Config(1), book=Config(4), seconds=2, columns=columns)
+    def runs(config: Config, context: base.Context) -> pd.DataFrame:
+        """Numbers."""
+        return pd.DataFrame({"run": range(config.n)})
+
+    assert runs.columns == columns
+    assert runs.run("book").table.run.tolist() == [0, 1, 2, 3]
+
+
 def test_without_rows_the_columns_are_there():
     assert list(base.table_of(Draw, []).columns) == ["run", "value"]
 

@@ -163,6 +163,14 @@ class TestReadChapter:
         assert lost.judge({}) == Finding(Verdict.NOT_TESTABLE, "The figure is lost.")
         assert chapter.differences[0].effect(tables) == "mean 1.5"
 
+    def test_a_page_may_be_about_some_of_the_results(self, tmp_path):
+        self.chapter(tmp_path)
+        package = SimpleNamespace(__name__="toys", __file__=str(tmp_path / "__init__.py"))
+        own = ledger.read_chapter(package, ("toy",))
+        assert [claim.id for claim in own.claims] == ["0.1-toy"]
+        assert [row.id for row in own.differences] == ["0.1-row"]
+        assert ledger.read_chapter(package, ()) == ledger.Chapter((), (), ())
+
     def test_what_cannot_be_tested_may_be_illustrated(self, tmp_path):
         shown = criterion("0.2-lost", TOY)(lambda table: Finding(Verdict.REPRODUCED, "Ours does."))
         lost = self.chapter(tmp_path, shown=shown).claims[1]
