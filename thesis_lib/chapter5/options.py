@@ -95,7 +95,8 @@ def clamp_is_best(table: pd.DataFrame) -> Finding:
     if all(below):
         return Finding(Verdict.DIRECTION, evidence)
     better = any(c and not b for b, c in zip(below, clear, strict=True))
-    return Finding(Verdict.REFUTED if better else Verdict.NOT_REPRODUCED, evidence)
+    # Five seeds whose intervals hold differences either way show nothing.
+    return Finding(Verdict.REFUTED if better else Verdict.INCONCLUSIVE, evidence)
 
 
 @criterion("5.5.1-midpoint", changes)
@@ -110,7 +111,7 @@ def midpoint_learns_better(table: pd.DataFrame) -> Finding:
     worse = euler.difference < 0
     if euler.p_holm < LEVEL:
         return Finding(Verdict.REPRODUCED if worse else Verdict.REFUTED, evidence)
-    return Finding(Verdict.DIRECTION if worse else Verdict.NOT_REPRODUCED, evidence)
+    return Finding(Verdict.DIRECTION if worse else Verdict.INCONCLUSIVE, evidence)
 
 
 def measured(table: pd.DataFrame, net: str, changed: str) -> str:
