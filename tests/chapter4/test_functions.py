@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from thesis_lib.chapter3.runs import TabularLearner
 from thesis_lib.chapter4 import function_law, task_relevance
 from thesis_lib.chapter4.runs import exact_solutions, solve_domain
 from thesis_lib.chapter4.wide_market import WideMarket, WideTask
@@ -33,13 +34,9 @@ def test_optimal_weights_earn_what_the_optimal_policy_earns():
     pairs = np.array([[s, e, g, a] for s in (0, 1) for e in (0, 1) for g in (0, 1) for a in (0, 1)])
     solutions = market.solutions([task], pairs)
     weights = market.weights(solutions, np.ones(4, dtype=bool))
+    learner = TabularLearner("q_learning", 1e-9, 0.0, steps=4000)
     earned = np.mean(
-        [
-            market.learn(
-                task, weights, np.random.default_rng(i), steps=4000, alpha=1e-9, epsilon=0.0
-            )
-            for i in range(20)
-        ]
+        [market.learn(task, weights, np.random.default_rng(i), learner) for i in range(20)]
     )
     # Levels 0, 1, 3, 4 of 4 rise with .1, .3, .7, .9; buying pays .4 and .8 at the last two.
     # The factor is a coin; the stock after a helping factor rises with .7 or .9.

@@ -136,6 +136,11 @@ class TabularLearner:
     episodes: int | None = None
     steps: int | None = None
 
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What :func:`~thesis_lib.mdp.learning.learn` takes beside the task and the method."""
+        return {k: getattr(self, k) for k in ("alpha", "epsilon", "episodes", "steps")}
+
 
 def total_rewards(
     context: Context,
@@ -153,7 +158,7 @@ def total_rewards(
     domain
         Each task is learned ``repeats`` times.
     cells
-        TabularLearner and potential ``(O, A)`` of each cell.
+        Learner and potential ``(O, A)`` of each cell.
     repeats
         Runs a task.
     label
@@ -175,10 +180,7 @@ def total_rewards(
                 rewards[m, r] = learn(
                     task,
                     learner.method,
-                    alpha=learner.alpha,
-                    epsilon=learner.epsilon,
-                    episodes=learner.episodes,
-                    steps=learner.steps,
+                    **learner.settings,
                     initial_q=initial,
                     rng=np.random.default_rng(seeds[m * repeats + r]),
                 ).total_reward

@@ -158,7 +158,7 @@ def _tabular_run(config: Config, solved: SolvedDomain, seed: np.random.SeedSeque
 
 def _wide_run(config: Config, seed: np.random.SeedSequence) -> Run:
     rng = np.random.default_rng(seed)
-    market, learner = config.market, config.learner
+    market = config.market
     names = np.array(market.feature_names)
     seen = market.sample_tasks(max(config.tasks_seen), rng)
     values = market.solutions(seen, market.sample_pairs(config.pairs, rng))
@@ -175,14 +175,8 @@ def _wide_run(config: Config, seed: np.random.SeedSequence) -> Run:
         for i, (observed, choice) in enumerate(zip(known, choices[-1], strict=True)):
             start = market.weights(observed, choice.support)
             for t, (task, draw) in enumerate(zip(tests, draws, strict=True)):
-                rewards[i, t] = market.learn(
-                    task,
-                    start,
-                    np.random.default_rng(int(draw)),
-                    steps=learner.steps or 1,
-                    alpha=learner.alpha,
-                    epsilon=learner.epsilon,
-                )
+                own = np.random.default_rng(int(draw))
+                rewards[i, t] = market.learn(task, start, own, config.learner)
         earned.append(rewards.mean(axis=1))
     return Run.of(earned, choices)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
@@ -125,15 +125,14 @@ def task_solutions(
         if target == "Q_star":
             return optimal_solutions(domain)
         return soft_solutions(domain, learner.epsilon)
+    episodes, steps = (n and LONGER * n for n in (learner.episodes, learner.steps))
+    longer = replace(learner, episodes=episodes, steps=steps)
     solutions = []
     for task, seed in zip(domain.tasks, context.seeds(len(domain), 1), strict=True):
         found = learn(
             task,
             "q_learning",
-            alpha=learner.alpha,
-            epsilon=learner.epsilon,
-            episodes=None if learner.episodes is None else LONGER * learner.episodes,
-            steps=None if learner.steps is None else LONGER * learner.steps,
+            **longer.settings,
             rng=np.random.default_rng(seed),
             companion="expected_sarsa" if target == "Q_tilde" else None,
         )
@@ -178,10 +177,7 @@ class Trial:
             [solved.domain.tasks[m] for m in tasks],
             [solved.rows(int(m)) for m in tasks],
             learner.method,
-            alpha=learner.alpha,
-            epsilon=learner.epsilon,
-            episodes=learner.episodes,
-            steps=learner.steps,
+            **learner.settings,
         )
         self._rngs = [np.random.default_rng(int(s)) for s in rng.integers(2**63, size=n)]
         self._starts = [rng.bit_generator.state for rng in self._rngs]

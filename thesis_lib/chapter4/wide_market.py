@@ -20,6 +20,7 @@ import numpy as np
 from scipy.stats import binom
 
 from thesis_lib.arrays import BoolArray, FloatArray, IntArray
+from thesis_lib.chapter3.runs import TabularLearner
 from thesis_lib.compiled import njit
 from thesis_lib.relevance import ACTION, Solutions
 
@@ -163,10 +164,7 @@ class WideMarket:
         task: WideTask,
         weights: FloatArray,
         rng: np.random.Generator,
-        *,
-        steps: int,
-        alpha: float,
-        epsilon: float,
+        learner: TabularLearner,
     ) -> float:
         """Total reward of Q-learning with the linear function, from initial weights.
 
@@ -178,12 +176,9 @@ class WideMarket:
             Initial, shape ``(d,)``; not changed.
         rng
             Source of the randomness.
-        steps
-            Number of steps.
-        alpha
-            Learning rate: the share of its error that an update takes away.
-        epsilon
-            Probability of a random action.
+        learner
+            Its budget of steps, exploration rate, and learning rate: the share of its error that
+            an update takes away.
         """
         return float(
             _learn(
@@ -192,9 +187,9 @@ class WideMarket:
                 self.rise(task),
                 self.discount,
                 weights.copy(),
-                steps,
-                alpha,
-                epsilon,
+                learner.steps or 0,
+                learner.alpha,
+                learner.epsilon,
                 rng,
             )
         )
