@@ -60,9 +60,20 @@ def test_findings_count_the_claims_of_the_thesis() -> None:
 
 
 def test_sections_sort_as_in_the_thesis() -> None:
-    sections = ["B.1", "Table 3.1", "3.4.1", "Appendix A, fact 1", "3.3", "3.10", "5", "5.1"]
+    sections = [
+        "Summary",
+        "B.1",
+        "Table 3.1",
+        "3.4.1",
+        "Appendix A, fact 1",
+        "3.3",
+        "3.10",
+        "5",
+        "5.1",
+    ]
     assert sorted(sections, key=ledger.in_order) == [
         *("3.3", "3.4.1", "3.10", "Table 3.1", "5", "5.1", "Appendix A, fact 1", "B.1"),
+        "Summary",
     ]
 
 

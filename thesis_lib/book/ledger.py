@@ -153,7 +153,7 @@ def in_order(section: str) -> tuple[str, list[float]]:
     """
     number = re.search(r"\b([A-C]|\d)(?:\.([\d.]*\d))?\b", section)
     if number is None:
-        return "", []
+        return "~", []  # the summary
     parts = [float(part) for part in (number[2] or "0").split(".")]
     return number[1], parts if section.startswith(number[0]) else [float("inf"), *parts]
 
