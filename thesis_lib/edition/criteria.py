@@ -290,14 +290,16 @@ def positive(contrasts: Mapping[str, tuple[float, float]], what: str) -> Finding
         verdict = Verdict.REPRODUCED if sure.all() else Verdict.DIRECTION
     else:
         verdict = Verdict.NOT_REPRODUCED
-    told = "; ".join(
+    parts = [
         f"{where} {plus_minus(e, 1.96 * se) if se else number(e)} ({probability(q)})"
         for (where, (e, se)), q in zip(contrasts.items(), p, strict=True)
-    )
+    ]
+    if len(parts) > 6:
+        parts = [f"the least, {parts[estimate.argmin()]}", f"the most, {parts[estimate.argmax()]}"]
     return Finding(
         verdict,
-        f"{what}: {told}; {_share(int((sure & (estimate > 0)).sum()), len(p))} significantly above "
-        "0 (z, Holm).",
+        f"{what}: {'; '.join(parts)}; {_share(int((sure & (estimate > 0)).sum()), len(p))} "
+        "significantly above 0 (z, Holm).",
         {where: float(e) for where, (e, _) in contrasts.items()},
     )
 
