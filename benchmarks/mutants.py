@@ -91,7 +91,7 @@ MUTANTS = (
     ),
     Mutant(
         *("sarsa-off-policy", LEARNING),
-        *("if rule == SARSA:\n        return", "if rule < 0:\n        return"),
+        *("        return q[s, a], phi[s, a]\n    A =", "        rule = Q_LEARNING\n    A ="),
         (TEST_LEARNING, "sarsa_finds_the_soft_optimum_of_the_chain"),
         ("chapter2", "2.3.3-sarsa-cannot-converge"),
     ),
