@@ -161,3 +161,9 @@ def test_the_tally_counts_neither_identities_nor_claims_of_our_own():
         "| [reproduced]{.verdict .reproduced} | the criterion holds |  |  |  |  | 2 | 2 |" in told
     )
     assert "1 claims are proofs" in told
+
+
+def test_inconclusive_roots_do_not_make_a_mixture_look_settled():
+    mixed = OverRoots({REPRODUCED: 7, Verdict.INCONCLUSIVE: 3}, "book", "", False)
+    assert (mixed.verdict, mixed.held) == (Verdict.INCONCLUSIVE, 0)
+    assert mixed.frequency == "reproduced in 7, inconclusive at this budget in 3 of 10"

@@ -192,8 +192,7 @@ def _frequency_class(judgement: Judgement) -> str:
         return "one root" if judgement.claim.experiments else "exact"
     if over.exact:
         return "exact"
-    held = over.counts.get(over.verdict, 0)
-    return "in all roots" if held == over.of else "in most" if held else "in fewer"
+    return "in all roots" if over.held == over.of else "in most" if over.held else "in fewer"
 
 
 def _counts(judgement: Judgement) -> bool:

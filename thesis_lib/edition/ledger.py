@@ -372,18 +372,23 @@ class OverRoots:
         return sum(self.counts.values())
 
     @property
+    def held(self) -> int:
+        """In how many roots the verdict came out; 0 where none came out in enough."""
+        most = max(self.counts.values())
+        return most if most >= self.HOLDS * self.of else 0
+
+    @property
     def verdict(self) -> Verdict:
         """The verdict that holds in enough roots, else inconclusive."""
-        most = next(iter(self.counts))
-        return most if self.counts[most] >= self.HOLDS * self.of else Verdict.INCONCLUSIVE
+        return next(iter(self.counts)) if self.held else Verdict.INCONCLUSIVE
 
     @property
     def frequency(self) -> str:
         """``10 of 10``; ``reproduced in 6, refuted in 4 of 10``; ``exact``."""
         if self.exact:
             return "exact"
-        if self.verdict in self.counts:
-            return f"{self.counts[self.verdict]} of {self.of}"
+        if self.held:
+            return f"{self.held} of {self.of}"
         each = ", ".join(f"{verdict} in {n}" for verdict, n in self.counts.items())
         return f"{each} of {self.of}"
 
