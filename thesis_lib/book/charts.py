@@ -27,7 +27,7 @@ WIDTH, HEIGHT = 560, 300
 """Pixels of a chart."""
 
 
-def _slider(name: str, value: float, words: str, **ends: float) -> alt.Parameter:
+def _slider(name: str, value: float, words: str, **ends: Any) -> alt.Parameter:
     """A number that the reader chooses."""
     return alt.param(name=name, value=value, bind=alt.binding_range(name=words, **ends))
 
@@ -103,7 +103,7 @@ def huddle() -> alt.Chart:
         moves = ["↑→↓←"[best[s]] for s in open_cells.index]
         rows.append(open_cells.assign(epsilon=epsilon, move=moves))
     explored = _slider("explored", 0.02, "exploration rate ε ", min=0.005, max=0.095, step=0.005)
-    place = {
+    place: dict[str, Any] = {
         "x": alt.X("x:O", title=None, axis=None),
         "y": alt.Y("y:O", title=None, axis=None, sort="descending"),
     }

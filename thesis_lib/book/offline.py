@@ -55,7 +55,7 @@ def _bundle_charts(app: Any, exception: Exception | None) -> None:
         import vl_convert
 
         # In a function of its own, since its names are those of Sphinx's scripts too.
-        bundle = vl_convert.javascript_bundle(None)
+        bundle = vl_convert.javascript_bundle(None)  # type: ignore[arg-type]
         target.write_text(f"(() => {{\n{bundle}\n}})();\n", encoding="utf-8")
 
 

@@ -48,7 +48,7 @@ def make_pdf(html: Path, names: Sequence[str], target: Path) -> int:
     FileNotFoundError
         If the book was not built, or there is no Chromium.
     """
-    from playwright.sync_api import sync_playwright
+    from playwright.sync_api import PdfMargins, sync_playwright
     from pypdf import PdfReader, PdfWriter
 
     missing = [name for name in names if not (html / f"{name}.html").is_file()]
@@ -66,7 +66,7 @@ def make_pdf(html: Path, names: Sequence[str], target: Path) -> int:
         for name in names:
             page.goto((html / f"{name}.html").resolve().as_uri(), wait_until="networkidle")
             page.evaluate(READY)
-            margin = dict.fromkeys(("top", "bottom", "left", "right"), "15mm")
+            margin: PdfMargins = {"top": "15mm", "bottom": "15mm", "left": "15mm", "right": "15mm"}
             sheets = PdfReader(io.BytesIO(page.pdf(format="A4", scale=0.8, margin=margin)))
             first[name] = len(writer.pages)
             writer.append(sheets, outline_item=page.title().partition(" — ")[0])
