@@ -22,7 +22,10 @@ from thesis_lib.policies.base import (
 Activation = Callable[[Tensor], Tensor]
 
 ACTIVATIONS: Mapping[str, Activation] = {"tanh": torch.tanh, "softplus": functional.softplus}
-"""Transfer functions by name; tanh unless said otherwise (section 2.4)."""
+"""Transfer functions by name; tanh unless said otherwise (section 2.4).
+
+:meta hide-value:
+"""
 
 INITIALISATIONS = ("glorot", "orthogonal")
 """Laws of the initial weights."""
