@@ -17,7 +17,7 @@ from typing import Any
 import pandas as pd
 
 from thesis_lib.files import replacing
-from thesis_lib.training.config import SUBSET, TrainConfig, settled
+from thesis_lib.training.config import TrainConfig, sensors, settled
 from thesis_lib.training.sweep import sweep
 
 ITERATIONS = 100
@@ -60,15 +60,12 @@ def pilots() -> Iterator[TrainConfig]:
 
 def stated(record: dict[str, Any]) -> dict[str, Any]:
     """The settings of a run that tell the rows of the table apart, from its ``run.json``."""
-    known = {name: record["config"][name] for name in TrainConfig.__dataclass_fields__
-             if name in record["config"]}  # fmt: skip
-    config = TrainConfig(**known)
-    narrowed = config.task in SUBSET and config.architecture in ("dtrnn", "ctrnn", "gru", "lstm")
+    config = TrainConfig(**record["config"])
     return {
         "task": config.task,
         "architecture": config.architecture,
         "seed": config.seed,
-        "sensors": config.features if narrowed else "all",
+        "sensors": sensors(config),
         "time_constant": config.time_constant if config.architecture == "ctrnn" else None,
         "head_scale": record.get("head_scale", settled(config)["head_scale"]),
         "delta_kl": record["delta_kl"],

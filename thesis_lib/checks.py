@@ -9,6 +9,7 @@ import textwrap
 import types
 import typing
 from collections.abc import Iterable, Mapping
+from functools import cache
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -56,10 +57,16 @@ def plain_settings(config: Any) -> None:
     ValueError
         Naming the field, its value and what it must be.
     """
-    hints = typing.get_type_hints(type(config))
+    hints = _hints(type(config))  # type: ignore[arg-type]
     for field in dataclasses.fields(config):
         value = _plain(field.name, getattr(config, field.name), hints[field.name])
         object.__setattr__(config, field.name, value)
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    """Types of the fields of a dataclass; reading them takes longer than checking the values."""
+    return typing.get_type_hints(kind)
 
 
 def plain(config: ConfigT) -> ConfigT:

@@ -21,7 +21,7 @@ from thesis_lib.chapter5.memory import OPEN_GATE
 from thesis_lib.chapter5.reservoirs import exponent
 from thesis_lib.chapter5.stability import growth
 from thesis_lib.edition.ledger import Verdict
-from thesis_lib.policies import CTRNN
+from thesis_lib.policies import CTRNN, RECURRENT_NETS
 from thesis_lib.training.run import TIMING_COLUMNS
 
 torch.set_num_threads(1)
@@ -131,7 +131,7 @@ def test_reservoirs_below_one_forget() -> None:
 # ---------------------------------------------------------------------------------------- sizes
 def test_counts_are_those_of_the_equations() -> None:
     table = sizes.sizes.run("smoke").table
-    for row in table[table.architecture.isin([*sizes.RECURRENT, "ffwd"])].itertuples():
+    for row in table[table.architecture.isin([*RECURRENT_NETS, "ffwd"])].itertuples():
         seen = row.features + (row.actions if row.architecture != "ffwd" else 0)
         assert row.learned == sizes.count(row.architecture, seen, row.actions, row.units), row
     # by hand: 9 units, 23 inputs: 207 + 81 weights, 9 biases, 9 initial states, 27 + 3 + 3

@@ -13,9 +13,8 @@ from thesis_lib.edition.ledger import Finding, criterion, effect_of
 from thesis_lib.locomotion.perturbations import occlusion
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.locomotion.tasks import make_task
-from thesis_lib.policies import ARCHITECTURES, recurrent_units
+from thesis_lib.policies import ARCHITECTURES, RECURRENT_NETS, recurrent_units
 
-RECURRENT = ("dtrnn", "ctrnn", "lstm", "gru", "esn")
 """Networks with a state, which table 5.1 gives fewer sensors on two tasks."""
 
 SAME_SIZE = (0.75, 4 / 3)
@@ -100,7 +99,7 @@ def sizes(config: Config, context: Context) -> list[Size]:
         made, subset = make_task(task), occlusion(task)
         for net in ARCHITECTURES:
             choices: list[list[int] | None] = [None]
-            if subset is not None and net in RECURRENT:
+            if subset is not None and net in RECURRENT_NETS:
                 choices.append([int(i) for i in subset.keep])
             for features in choices:
                 seen = made.observation_size if features is None else len(features)

@@ -3,7 +3,13 @@
 from thesis_lib.policies.base import GaussianPolicy, Linearised, Sequences
 from thesis_lib.policies.distribution import entropy, kl_divergence, log_likelihood
 from thesis_lib.policies.echo_state import ESN, spectral_radius
-from thesis_lib.policies.factory import ARCHITECTURES, DEEP_NETS, make_policy, recurrent_units
+from thesis_lib.policies.factory import (
+    ARCHITECTURES,
+    DEEP_NETS,
+    RECURRENT_NETS,
+    make_policy,
+    recurrent_units,
+)
 from thesis_lib.policies.feedforward import FeedforwardPolicy
 from thesis_lib.policies.gated import GRU, LSTM
 from thesis_lib.policies.linearised import DualLinearised
@@ -19,6 +25,7 @@ __all__ = [
     "ESN",
     "GRU",
     "LSTM",
+    "RECURRENT_NETS",
     "DualLinearised",
     "FeedforwardPolicy",
     "GaussianPolicy",

@@ -85,6 +85,9 @@ ARCHITECTURES: Mapping[str, Callable[..., GaussianPolicy]] = {
 }
 """The seven architectures of section 5.2 and the two extra nets of figure 5.5."""
 
+RECURRENT_NETS = ("dtrnn", "ctrnn", "gru", "lstm", "esn")
+"""Those of section 5.2 that remember."""
+
 DEEP_NETS = ("dffwd", "dffwd-softplus")
 """Those whose hidden layers are :data:`DEEP` whatever the number of units."""
 

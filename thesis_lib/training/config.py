@@ -6,13 +6,14 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import torch
 
 from thesis_lib.checks import check_seed, plain_settings
 from thesis_lib.locomotion.robots import ROBOTS
-from thesis_lib.policies import ARCHITECTURES, DEEP_NETS
+from thesis_lib.policies import ARCHITECTURES, DEEP_NETS, RECURRENT_NETS
 from thesis_lib.published import load as published
 
 TERRAINS = ("flat", "hill")
@@ -247,6 +248,7 @@ def task_name(name: str) -> str:
     return TASK_NAMES[plain]
 
 
+@cache
 def table_5_1(task: str, architecture: str, quantity: str) -> float | None:
     """A setting that table 5.1 or its caption prints, None where it prints none.
 
@@ -281,6 +283,14 @@ def head_scale(config: TrainConfig) -> float:
     if config.head_scale is not None:
         return config.head_scale
     return HEAD_SCALE.get(config.architecture, 1.0)
+
+
+def sensors(config: TrainConfig) -> str:
+    """What a run's net sees: ``all``, or the reading of table 5.1's subset."""
+    if config.architecture not in RECURRENT_NETS or config.task not in NARROWED:
+        return "all"
+    named = {"thesis": SUBSET[config.task], "full": "all"}
+    return named.get(config.features, config.features)
 
 
 def settled(config: TrainConfig) -> dict[str, float]:

@@ -117,10 +117,9 @@ def variant(config: TrainConfig) -> str:
 
     One that is given the value its default comes to does not differ.
     """
-    default, idle = TrainConfig(), list(idle_settings(config))
-    left = {name: getattr(default, name) for name in settled(config)}
-    chosen, by_default = settled(config), settled(dataclasses.replace(config, **left))
-    idle += [name for name in left if chosen[name] == by_default[name]]
+    default, chosen = TrainConfig(), settled(config)
+    by_default = settled(dataclasses.replace(config, delta_kl=None, head_scale=None))
+    idle = {*idle_settings(config), *(n for n in chosen if chosen[n] == by_default[n])}
     parts = [
         f"{f.name}={getattr(config, f.name)}"
         for f in dataclasses.fields(config)

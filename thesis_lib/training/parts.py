@@ -14,13 +14,12 @@ from thesis_lib.optimisation import PPO, TRPO, VPG, LinearBaseline, NaturalPG, V
 from thesis_lib.optimisation.problem import Algorithm
 from thesis_lib.policies import GaussianPolicy, make_policy
 from thesis_lib.training.config import (
-    NARROWED,
     PRECISIONS,
     SEED_KEYS,
-    SUBSET,
     TrainConfig,
     head_scale,
     idle_settings,
+    sensors,
     step_size,
     table_5_1,
 )
@@ -81,11 +80,8 @@ def make_run_policy(config: TrainConfig) -> GaussianPolicy:
         ):
             asked = getattr(config, name)
             options[name] = table_5_1(config.task, "esn", printed) if asked is None else asked
-    features = None
-    recurrent = config.architecture in ("dtrnn", "ctrnn", "gru", "lstm", "esn")
-    if recurrent and config.features != "full" and config.task in NARROWED:
-        reading = SUBSET[config.task] if config.features == "thesis" else config.features
-        features = [int(i) for i in SUBSETS[reading][config.task]]
+    reading = sensors(config)
+    features = None if reading == "all" else [int(i) for i in SUBSETS[reading][config.task]]
     return make_policy(
         config.architecture,
         task.observation_size,
