@@ -263,17 +263,18 @@ def bad_input(family: str, folder: Path) -> tuple[int, int]:
     return good, len(tried)
 
 
+def kills_apart(n: int, command_in: Callable[[Path], Command], here: Path) -> tuple[int, int]:
+    """Kills of a command, each in a folder of its own, beside ``whole``, which is left in peace."""
+    return kills(
+        n,
+        lambda i: command_in(here / (str(i) if i >= 0 else "whole")),
+        lambda i: again(command_in(here / str(i))) or same(here / "whole", here / str(i)),
+    )
+
+
 def drill_run(fresh: Callable[[], Path], n: int) -> Iterator[tuple[str, tuple[int, int]]]:
     here = fresh()
-    whole = here / "whole"
-    yield (
-        "killed, then given again",
-        kills(
-            n,
-            lambda i: run_in(whole if i < 0 else here / str(i)),
-            lambda i: again(run_in(here / str(i))) or same(whole, here / str(i)),
-        ),
-    )
+    yield "killed, then given again", kills_apart(n, run_in, here)
     here = fresh()
     yield "disk full", full_disk(lambda limit: run_in(here, limit=limit), lambda _: readable(here))
     yield "bad input", bad_input("run", fresh())
@@ -291,14 +292,7 @@ def drill_run(fresh: Callable[[], Path], n: int) -> Iterator[tuple[str, tuple[in
 def drill_train(fresh: Callable[[], Path], n: int) -> Iterator[tuple[str, tuple[int, int]]]:
     here = fresh()
     whole = here / "whole"
-    yield (
-        "killed, then given again",
-        kills(
-            n,
-            lambda i: train_in(whole if i < 0 else here / str(i)),
-            lambda i: again(train_in(here / str(i))) or same(whole, here / str(i)),
-        ),
-    )
+    yield "killed, then given again", kills_apart(n, train_in, here)
     begun = here / "begun"
     train_in(begun, "--iterations", "2").status()
 

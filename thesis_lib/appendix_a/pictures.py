@@ -70,11 +70,7 @@ def tabular(domain: Domain) -> list[TabularMDP]:
 
 def domain_1() -> Figure:
     """Figure A.1: the two tasks of fact 1, with R = 1."""
-    figure, axes = plt.subplots(1, 2, figsize=(7.2, 2.4))
-    for m, (ax, task) in enumerate(zip(axes, tabular(figure_a1()), strict=True), start=1):
-        draw_chain(task, TWO, title=f"task {m}", ax=ax)
-        action_legend(ax)
-    return figure
+    return _side_by_side(figure_a1(), TWO, 2.4)
 
 
 def domain_2() -> Figure:
@@ -92,9 +88,14 @@ def domain_2() -> Figure:
 
 def domain_3() -> Figure:
     """Figures A.3a and A.3b: the two tasks of fact 2, case 4."""
-    figure, axes = plt.subplots(1, 2, figsize=(7.2, 4.0))
-    for m, (ax, task) in enumerate(zip(axes, tabular(figure_a3()), strict=True), start=1):
-        draw_chain(task, FOUR, title=f"task {m}", ax=ax)
+    return _side_by_side(figure_a3(), FOUR, 4.0)
+
+
+def _side_by_side(domain: Domain, places: Sequence[Point], height: float) -> Figure:
+    """The two tasks of a domain, in a figure of a height in inches."""
+    figure, axes = plt.subplots(1, 2, figsize=(7.2, height))
+    for m, (ax, task) in enumerate(zip(axes, tabular(domain), strict=True), start=1):
+        draw_chain(task, places, title=f"task {m}", ax=ax)
         action_legend(ax)
     return figure
 

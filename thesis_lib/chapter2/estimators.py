@@ -21,6 +21,7 @@ from thesis_lib.chapter2.every_trajectory import (
     trajectories,
     value_gradient,
 )
+from thesis_lib.edition.criteria import exact
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.words import number
@@ -154,11 +155,6 @@ def biases(config: Config, context: Context) -> list[Estimator]:
     return records
 
 
-def _exact(holds: bool, evidence: str) -> Finding:
-    """What an exact computation says is reproduced or refuted."""
-    return Finding(Verdict.REPRODUCED if holds else Verdict.REFUTED, evidence)
-
-
 def _lowers(known: pd.DataFrame, before: str, after: str) -> str:
     """How the variance changes from one estimator to another."""
     first, second = known.variance[before], known.variance[after]
@@ -170,7 +166,7 @@ def _lowers(known: pd.DataFrame, before: str, after: str) -> str:
 def unbiased(table: pd.DataFrame) -> Finding:
     """The expectation of the plain estimator against the slope of the exact value."""
     plain = table.set_index("estimator").loc["whole return"]
-    return _exact(
+    return exact(
         plain.slope_difference < DIFFERENCED * plain.gradient_norm,
         "Over all trajectories its expectation differs from the differenced exact value by "
         f"{plain.slope_difference:.0e}, where the gradient has norm "
@@ -183,7 +179,7 @@ def discounting(table: pd.DataFrame) -> Finding:
     """Variance and bias of the discounted return."""
     known = table.set_index("estimator")
     plain, discounted = known.loc["whole return"], known.loc["discounted whole return"]
-    return _exact(
+    return exact(
         discounted.bias > EXACT and discounted.variance < plain.variance,
         f"Discounting {_lowers(known, 'whole return', 'discounted whole return')} and moves the "
         f"expectation by {number(discounted.bias)}, where the gradient has norm "
@@ -202,7 +198,7 @@ def return_to_go(table: pd.DataFrame) -> Finding:
         ", that is by rounding: it costs no bias. The bias of equation 2.12 comes from counting "
         "the discount from t"
     )
-    return _exact(
+    return exact(
         costs,
         f"Leaving out the rewards before t {_lowers(known, 'whole return', 'return to go')} and "
         f"moves the expectation by {bias:.0e}{'' if costs else rounding}.",
@@ -214,7 +210,7 @@ def baseline(table: pd.DataFrame) -> Finding:
     """Variance and bias of the state-value baseline."""
     known = table.set_index("estimator")
     none, value = known.loc["return to go"], known.loc["return to go, baseline"]
-    return _exact(
+    return exact(
         value.variance < none.variance and value.bias < EXACT,
         f"The state-value baseline {_lowers(known, 'return to go', 'return to go, baseline')} and "
         f"moves the expectation by {value.bias:.0e}.",

@@ -30,12 +30,12 @@ from thesis_lib.chapter3.runs import (
     total_rewards,
 )
 from thesis_lib.domains import stock
-from thesis_lib.edition.criteria import LEVEL
+from thesis_lib.edition.criteria import LEVEL, summary
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import band
 from thesis_lib.edition.words import number
-from thesis_lib.stats import Summary, holm, mean_ci, welch
+from thesis_lib.stats import holm, mean_ci, welch
 
 DOMAINS = {
     **SETTINGS,
@@ -142,10 +142,6 @@ def _variance(row: pd.Series) -> float:
     return float(row.sd**2 / row.n_runs)
 
 
-def _of(row: pd.Series) -> Summary:
-    return Summary(float(row.mean_return), float(row.sd), int(row.n_runs))
-
-
 def parts(table: pd.DataFrame) -> pd.DataFrame:
     """What the best level earns over no shaping, and what the best order adds.
 
@@ -215,7 +211,7 @@ def reversal_is_level(table: pd.DataFrame) -> Finding:
     own = table[(table.domain == "stock E = 3") & table.potential.isin(("Q_star", "Q_mu"))]
     if own.empty:
         return Finding(Verdict.INCONCLUSIVE, "E = 3 was not run.")
-    by = {key: _of(row) for key, row in own.set_index(["level", "potential"]).iterrows()}
+    by = {key: summary(row) for key, row in own.set_index(["level", "potential"]).iterrows()}
     levels = [level for level in dict.fromkeys(own.level) if level != OWN]
     lead = welch(by[OWN, "Q_mu"], by[OWN, "Q_star"])
     tests = [welch(by[level, "Q_mu"], by[level, "Q_star"]) for level in levels]

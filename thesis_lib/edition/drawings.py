@@ -16,6 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.domains.cliff import MOVES, CliffLayout
 from thesis_lib.domains.heat import HeatTask
 from thesis_lib.domains.stock import StockMDP
@@ -70,18 +71,22 @@ def arrow(
     t = np.linspace(0, 1, 201)[:, None]
     curve = (1 - t) ** 2 * a + 2 * t * (1 - t) * middle + t**2 * b
     outside = (np.hypot(*(curve - a).T) > radius) & (np.hypot(*(curve - b).T) > radius + 0.04)
-    shown = curve[outside]
-    ax.plot(*shown[:-4].T, linestyle=style, color=colour, linewidth=1.6, zorder=2)
-    ax.add_patch(
-        FancyArrowPatch(
-            tuple(shown[-8]), tuple(shown[-1]), arrowstyle="-|>", mutation_scale=13,
-            color=colour, linewidth=0, shrinkA=0, shrinkB=0, zorder=2,
-        )
-    )  # fmt: skip
+    _draw(ax, curve[outside], 4, style, colour)
     if label:
         # Nearer to the start, so that arrows there and back keep their words apart.
         x, y = curve[len(curve) // 3]
         write(ax, x, y, label, colour)
+
+
+def _draw(ax: Axes, curve: FloatArray, head: int, style: Line, colour: str) -> None:
+    """A curve with an arrow's head over the last ``head`` of its points."""
+    ax.plot(*curve[:-head].T, linestyle=style, color=colour, linewidth=1.6, zorder=2)
+    ax.add_patch(
+        FancyArrowPatch(
+            tuple(curve[-head - 4]), tuple(curve[-1]), arrowstyle="-|>", mutation_scale=13,
+            color=colour, linewidth=0, shrinkA=0, shrinkB=0, zorder=2,
+        )
+    )  # fmt: skip
 
 
 def write(ax: Axes, x: float, y: float, text: str, colour: str) -> None:
@@ -108,13 +113,7 @@ def loop(
     turn = np.linspace(-0.80 * np.pi, 0.80 * np.pi, 121)
     size = 0.62 * reach
     curve = centre + size * (np.outer(np.cos(turn), out) + np.outer(np.sin(turn), across))
-    ax.plot(*curve[:-6].T, linestyle=style, color=colour, linewidth=1.6, zorder=2)
-    ax.add_patch(
-        FancyArrowPatch(
-            tuple(curve[-10]), tuple(curve[-1]), arrowstyle="-|>", mutation_scale=13,
-            color=colour, linewidth=0, shrinkA=0, shrinkB=0, zorder=2,
-        )
-    )  # fmt: skip
+    _draw(ax, curve, 6, style, colour)
     if label:
         x, y = centre + (size + 0.18 + 0.03 * len(label) * abs(out[0])) * out
         write(ax, x, y, label, colour)

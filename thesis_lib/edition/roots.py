@@ -290,15 +290,14 @@ def judge_over(
 
 def save(judged: Sequence[Judged], budget: str, file: Path) -> dict[str, OverRoots]:
     """Write verdicts beside those of other claims in a file, and return what they come to."""
-    state = commit()
-    rows = [
-        (
-            *(j.claim.id, root, str(found.verdict), budget if j.claim.experiments else "exact"),
-            *(_rounded(found.numbers), code_of_claim(j.claim, budget), state),
-        )
-        for j in judged
-        for root, found in j.findings.items()
-    ]
+    state, rows = commit(), []
+    for j in judged:
+        code = code_of_claim(j.claim, budget)
+        evidence = budget if j.claim.experiments else "exact"
+        rows += [
+            (j.claim.id, root, str(f.verdict), evidence, _rounded(f.numbers), code, state)
+            for root, f in j.findings.items()
+        ]
     table = pd.DataFrame(rows, columns=list(COLUMNS))
     mine = over_roots(table)
     writable_directory(file.parent)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -14,17 +13,8 @@ from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, Vecto
 from gymnasium.wrappers import TransformObservation
 from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import BoolArray, FloatArray
-
-
-@dataclass(frozen=True)
-class GymnasiumStep:
-    """Outcome of one step; see :class:`~thesis_lib.optimisation.rollouts.Outcome`."""
-
-    observation: FloatArray
-    reward: FloatArray
-    terminated: BoolArray
-    truncated: BoolArray
+from thesis_lib.arrays import FloatArray
+from thesis_lib.optimisation.rollouts import Step
 
 
 class GymnasiumTask:
@@ -149,7 +139,7 @@ class GymnasiumTask:
         self._terminated[mask] = self._truncated[mask] = False
         return self._seen[ids]
 
-    def step(self, actions: ArrayLike) -> GymnasiumStep:
+    def step(self, actions: ArrayLike) -> Step:
         """Act in every world, shape ``(n, A)``; worlds that have ended stand still."""
         action = np.asarray(actions, dtype=np.float64).reshape(self.n_worlds, *self._space.shape)
         if self._space.is_bounded("both"):
@@ -161,7 +151,7 @@ class GymnasiumTask:
         self._seen[running] = seen[running]
         self._terminated |= terminated & running
         self._truncated |= truncated & running
-        return GymnasiumStep(
+        return Step(
             observation=self._seen.copy(),
             reward=np.where(running, reward, 0.0),
             terminated=self._terminated.copy(),

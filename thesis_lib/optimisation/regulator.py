@@ -11,7 +11,6 @@ drawn.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,17 +18,8 @@ import torch
 from numpy.typing import ArrayLike
 from torch import Tensor
 
-from thesis_lib.arrays import BoolArray, FloatArray
-
-
-@dataclass(frozen=True)
-class RegulatorStep:
-    """Outcome of one step; see :class:`~thesis_lib.optimisation.rollouts.Outcome`."""
-
-    observation: FloatArray
-    reward: FloatArray
-    terminated: BoolArray
-    truncated: BoolArray
+from thesis_lib.arrays import FloatArray
+from thesis_lib.optimisation.rollouts import Step
 
 
 class LinearQuadraticTask:
@@ -108,7 +98,7 @@ class LinearQuadraticTask:
         self._time[ids] = 0
         return first
 
-    def step(self, actions: ArrayLike) -> RegulatorStep:
+    def step(self, actions: ArrayLike) -> Step:
         """Act in every world, shape ``(n, U)``; worlds at their horizon stand still."""
         a, s = np.asarray(actions, dtype=np.float64), self._state
         running = self._time < self.max_episode_steps
@@ -116,7 +106,7 @@ class LinearQuadraticTask:
         noise = self.noise * self._generator.standard_normal(s.shape)
         self._state = np.where(running[:, None], s @ self.A.T + a @ self.B.T + noise, s)
         self._time = self._time + running
-        return RegulatorStep(
+        return Step(
             observation=self._state.copy(),
             reward=np.where(running, reward, 0.0),
             terminated=np.zeros(self.n_worlds, dtype=bool),

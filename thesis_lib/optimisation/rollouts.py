@@ -52,6 +52,16 @@ class Outcome(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class Step:
+    """An :class:`Outcome` and no more."""
+
+    observation: FloatArray
+    reward: FloatArray
+    terminated: BoolArray
+    truncated: BoolArray
+
+
 class VectorTask(Protocol):
     """A task in n worlds; a world that has ended stands still until it is reset.
 
