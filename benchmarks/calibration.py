@@ -53,8 +53,9 @@ def pilots() -> Iterator[TrainConfig]:
     for seed in (0, 1):
         yield TrainConfig(**cheetah, architecture="ffwd", head_scale=0.1, delta_kl=0.1, seed=seed)
     yield TrainConfig(**cheetah, architecture="lstm", head_scale=0.1, delta_kl=0.1)
-    for delta in (0.05, 0.1):
-        yield TrainConfig(**cheetah, architecture="dffwd", delta_kl=delta)
+    for seed in (0, 1):
+        for delta in (0.05, 0.1):
+            yield TrainConfig(**cheetah, architecture="dffwd", delta_kl=delta, seed=seed)
     yield TrainConfig(**hopper, architecture="ctrnn", features="code", time_constant=0.1)
 
 
