@@ -4,7 +4,6 @@ import functools
 import http.server
 import os
 import re
-import shutil
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +15,7 @@ from bs4 import BeautifulSoup
 from thesis_lib.book.build import build
 from thesis_lib.book.execution import last_run
 from thesis_lib.book.paths import Paths
+from thesis_lib.book.pdf import chromium as find_chromium
 
 pytestmark = pytest.mark.timeout(1500)  # the first test builds the book
 
@@ -185,8 +185,7 @@ def site(html: Path) -> Iterator[str]:
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     """Chromium without a screen; a machine without it skips, continuous integration fails."""
-    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
-    if found is None:
+    if (found := find_chromium()) is None:
         message = "there is no chromium on this machine: install it (Debian: apt install chromium)"
         if os.environ.get("CI") == "true":
             pytest.fail(message)

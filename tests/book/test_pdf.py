@@ -1,12 +1,11 @@
 """The book as one PDF."""
 
-import shutil
 from pathlib import Path
 
 import pytest
 from pypdf import PdfReader
 
-from thesis_lib.book.pdf import contents, make_pdf
+from thesis_lib.book.pdf import chromium, contents, make_pdf
 
 PAGE = """<!DOCTYPE html><html lang="en"><head><title>{0} — The book</title></head>
 <body><h1>{0}</h1><a href="{1}.html#there">{1}</a><a href="https://example.org">out</a></body></html>
@@ -19,7 +18,7 @@ def test_contents_in_order() -> None:
 
 
 @pytest.mark.browser
-@pytest.mark.skipif(not shutil.which("chromium"), reason="there is no chromium on this machine")
+@pytest.mark.skipif(not chromium(), reason="there is no chromium on this machine")
 def test_pages_are_joined_with_bookmarks_and_links_between_them(tmp_path: Path) -> None:
     for name, other in (("one", "two"), ("two", "one")):
         (tmp_path / f"{name}.html").write_text(PAGE.format(name, other))

@@ -19,6 +19,8 @@ import pandas as pd
 import pytest
 import torch
 from distributed import Client
+from distributed.client import ClosedClientError
+from distributed.comm import CommClosedError
 from scipy import stats
 
 from thesis_lib import cli
@@ -40,7 +42,7 @@ from thesis_lib.training.curves import (
 from thesis_lib.training.grid import GRID_COLUMNS, Grid, key, parse_variant, run_name
 from thesis_lib.training.plan import STEP_COST, cost, makespan, memory, plan
 from thesis_lib.training.store import Store
-from thesis_lib.training.sweep import Outcome, in_order, sweep
+from thesis_lib.training.sweep import Outcome, SchedulerLost, in_order, sweep
 from thesis_lib.training.train import train
 
 SMALL = TrainConfig(batch_steps=100, horizon=20, iterations=3, checkpoint_every=1)
@@ -552,6 +554,18 @@ def test_a_worker_and_the_scheduler_are_killed_and_nothing_is_lost(
     whole = ["--out", str(tmp_path / "whole"), "--runs-in", str(tmp_path / "others")]
     assert cli.main(["sweep", *arguments, *whole, "--workers", "1"]) == 0
     same_tables(tmp_path / "out", tmp_path / "whole")
+
+
+@pytest.mark.parametrize("error", [CommClosedError("x"), ClosedClientError("x"), TimeoutError()])
+def test_a_scheduler_that_is_gone_is_one_sentence_wherever_the_client_finds_out(
+    error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def gone(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(Client, "unsubscribe_topic", gone)
+    with pytest.raises(SchedulerLost, match="the scheduler ended; the runs are kept in"):
+        sweep([SMALL], tmp_path, workers=1)
 
 
 def test_no_scheduler_is_one_sentence(tmp_path: Path) -> None:

@@ -31,6 +31,11 @@ def contents(toc: str) -> list[str]:
     return re.findall(r"^\s*(?:- )?(?:root|file): (\S+)", toc, flags=re.MULTILINE)
 
 
+def chromium() -> str | None:
+    """Where this machine has a Chromium, if it has one."""
+    return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
+
+
 def make_pdf(html: Path, names: Sequence[str], target: Path) -> int:
     """Print pages into one file; returns how many sheets it has.
 
@@ -56,13 +61,12 @@ def make_pdf(html: Path, names: Sequence[str], target: Path) -> int:
         raise FileNotFoundError(
             f"{html} has no page {missing[0]}: build the book first, `make book`."
         )
-    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
-    if found is None:
+    if (found := chromium()) is None:
         raise FileNotFoundError("there is no chromium: install it (Debian: apt install chromium).")
     writer, first = PdfWriter(), dict[str, int]()
     with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        page = chromium.new_page(color_scheme="light", reduced_motion="reduce")
+        browser = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        page = browser.new_page(color_scheme="light", reduced_motion="reduce")
         for name in names:
             page.goto((html / f"{name}.html").resolve().as_uri(), wait_until="networkidle")
             page.evaluate(READY)
@@ -70,7 +74,7 @@ def make_pdf(html: Path, names: Sequence[str], target: Path) -> int:
             sheets = PdfReader(io.BytesIO(page.pdf(format="A4", scale=0.8, margin=margin)))
             first[name] = len(writer.pages)
             writer.append(sheets, outline_item=page.title().partition(" — ")[0])
-        chromium.close()
+        browser.close()
     _link(writer, html.resolve().as_uri(), first)
     writer.compress_identical_objects()
     with replacing(target) as temporary, temporary.open("wb") as file:

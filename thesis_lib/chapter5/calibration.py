@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from thesis_lib.chapter5.cells import PUBLISHED
 from thesis_lib.checkout import repository_root
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion, effect_of
+from thesis_lib.published import TASKS
 from thesis_lib.published import load as published
 
 SETTINGS = ("task", "architecture", "sensors", "time_constant", "head_scale", "delta_kl")
@@ -84,7 +84,7 @@ def readings(config: Config, context: Context) -> list[Reading]:
         means = runs.mean()
         settings: dict[str, Any] = dict(zip(SETTINGS, key, strict=True))
         net = settings["architecture"].upper()
-        cell = printed.loc[(PUBLISHED[settings["task"]], "flat", net)]
+        cell = printed.loc[(TASKS[settings["task"]], "flat", net)]
         rows.append(
             Reading(
                 **settings,

@@ -10,10 +10,11 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib import published
-from thesis_lib.chapter5.cells import GROUPS, NETS, PUBLISHED, ROBOTS
+from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS
 from thesis_lib.chapter5.judging import ALPHA, Evidence
 from thesis_lib.chapter5.runs import DEFAULT, ENOUGH, PRINTED_STEPS
 from thesis_lib.edition.ledger import Verdict
+from thesis_lib.published import TASKS
 from thesis_lib.robustness import TRAINED_ON
 from thesis_lib.stats import Comparison, Summary, leading, mean_ci, welch
 
@@ -80,7 +81,7 @@ def beside(table: str, ours: pd.DataFrame, printed_runs: int) -> list[Cell]:
     rows = []
     for ground in TRAINED_ON:
         for robot in ROBOTS:
-            row = published_by.loc[PUBLISHED[robot]].loc[ground]
+            row = published_by.loc[TASKS[robot]].loc[ground]
             summaries = {
                 net: Summary(r.value, r.standard_error * printed_runs**0.5, printed_runs)
                 for net, r in row.iterrows()

@@ -14,10 +14,7 @@ from thesis_lib.chapter5.runs import DEFAULT, ENOUGH, PRINTED_STEPS, Runs
 from thesis_lib.robustness import CONDITIONS, TRAINED_ON
 from thesis_lib.stats import parametric_bootstrap
 
-ROBOTS = ("Ant", "HalfCheetah", "Hopper", "Swimmer", "Walker2d")
-PUBLISHED = dict(zip(ROBOTS, ("ant", "half_cheetah", "hopper", "swimmer", "walker"), strict=True))
-"""How the published tables name the robots."""
-
+ROBOTS = tuple(published.TASKS)
 NETS = ("CTRNN", "DTRNN", "ESN", "DFFWD", "FFWD", "GRU", "LSTM")
 EXTRA_NETS = ("DFFWD-SOFTPLUS", "FFWD-400")
 """The two further nets of figure 5.5."""
@@ -82,7 +79,7 @@ def printed_cells(tables: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
     for j, name in enumerate(tables):
         table = published.load(name).set_index(["trained_on", "task", "architecture"])
         for i, ground in enumerate(TRAINED_ON):
-            for k, task in enumerate(PUBLISHED.values()):
+            for k, task in enumerate(published.TASKS.values()):
                 row = table.loc[ground].loc[task].loc[list(NETS)]
                 mean[i, j, k], error[i, j, k] = row.value, row.standard_error
     return mean, error

@@ -10,11 +10,12 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from thesis_lib import published
-from thesis_lib.chapter5.cells import NETS, PUBLISHED, ROBOTS
+from thesis_lib.chapter5.cells import NETS, ROBOTS
 from thesis_lib.chapter5.contrasts import Config
 from thesis_lib.chapter5.runs import CELL, DEFAULT, read_runs
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.plots import COLOURS
+from thesis_lib.published import TASKS
 from thesis_lib.robustness import TRAINED_ON
 from thesis_lib.stats import mean_ci
 
@@ -66,7 +67,7 @@ def curves(config: Config, context: Context) -> list[Point]:
     for ground in TRAINED_ON:
         for robot in ROBOTS:
             for net in NETS:
-                printed = float(published_by[PUBLISHED[robot], ground, net])
+                printed = float(published_by[TASKS[robot], ground, net])
                 runs = by_cell.get((robot, ground, net))
                 if runs is None:
                     rows.append(Point(robot, ground, net, *(np.nan,) * 4, 0, 0, 0, printed))

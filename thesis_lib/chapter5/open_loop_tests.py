@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib import published, robustness
-from thesis_lib.chapter5.cells import PUBLISHED, TESTED
+from thesis_lib.chapter5.cells import TESTED
 from thesis_lib.chapter5.open_loop import NAME, SMOKE_SEARCH, Search, find_gait
 from thesis_lib.chapter5.untrained import run_episodes
 from thesis_lib.edition.experiment import Context, experiment
@@ -19,6 +19,7 @@ from thesis_lib.locomotion.perturbations import TerrainSwitch, WhiteNoise
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.locomotion.tasks import TEST_HORIZON, make_task
 from thesis_lib.locomotion.terrain import SWITCH_AT, HeightField, hills
+from thesis_lib.published import TASKS
 
 CONDITIONS = dict(zip(("regular", "noise", "switch"), TESTED.values(), strict=True))
 """Printed table of each of the thesis's tests."""
@@ -121,7 +122,7 @@ def flat_field(table: pd.DataFrame) -> str:
 def _printed(condition: str, robot: str) -> pd.Series:
     """Printed returns of the networks trained on the flat, by architecture."""
     table = published.load(CONDITIONS[condition])
-    own = table[(table.task == PUBLISHED[robot]) & (table.trained_on == "flat")]
+    own = table[(table.task == TASKS[robot]) & (table.trained_on == "flat")]
     return own.set_index("architecture").value
 
 

@@ -10,12 +10,12 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib import published
-from thesis_lib.chapter5.cells import PUBLISHED
 from thesis_lib.edition.criteria import exact
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion, effect_of
 from thesis_lib.locomotion.robots import ROBOTS, build_model, total_mass
 from thesis_lib.locomotion.tasks import HORIZON, TEST_HORIZON, Limits, make_task
+from thesis_lib.published import TASKS
 
 PRINTED: Mapping[str, tuple[int, int, int]] = MappingProxyType(
     {
@@ -169,7 +169,7 @@ def distance_of_the_best(table: pd.DataFrame) -> str:
     printed = published.load("table-c.1")
     ways = []
     for name in ("Hopper", "Ant"):
-        own = printed[(printed.task == PUBLISHED[name]) & (printed.trained_on == "flat")]
+        own = printed[(printed.task == TASKS[name]) & (printed.trained_on == "flat")]
         # Forward velocity is summed over steps, so a return of R is R / rate metres.
         earned = own.value.max() - TEST_HORIZON * by.alive_bonus[name]
         ways.append(f"{earned / by.control_hz[name]:.0f} m ({name})")

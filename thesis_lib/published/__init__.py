@@ -31,6 +31,17 @@ TABLES: Mapping[str, str] = MappingProxyType(
 )
 """The tables held here and what each one prints."""
 
+TASKS: Mapping[str, str] = MappingProxyType(
+    {
+        "Ant": "ant",
+        "HalfCheetah": "half_cheetah",
+        "Hopper": "hopper",
+        "Swimmer": "swimmer",
+        "Walker2d": "walker",
+    }
+)
+"""What the column ``task`` calls each robot."""
+
 _NUMBERS = ("value", "standard_error", "ci95", "low", "high")
 
 

@@ -14,6 +14,7 @@ import torch
 from thesis_lib.checks import check_seed, plain_settings
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.policies import ARCHITECTURES, DEEP_NETS, RECURRENT_NETS
+from thesis_lib.published import TASKS
 from thesis_lib.published import load as published
 
 TERRAINS = ("flat", "hill")
@@ -54,13 +55,6 @@ TASK_NAMES: Mapping[str, str] = {
 }
 """Names under which a task is found; case, ``-`` and ``_`` do not matter."""
 
-_PUBLISHED_TASKS = {
-    "Swimmer": "swimmer",
-    "Hopper": "hopper",
-    "HalfCheetah": "half_cheetah",
-    "Walker2d": "walker",
-    "Ant": "ant",
-}
 _MAY_CHANGE = ("iterations", "checkpoint_every", "threads")
 _NEEDS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "integrator": ("architecture", ("ctrnn",)),
@@ -263,7 +257,7 @@ def table_5_1(task: str, architecture: str, quantity: str) -> float | None:
     """
     table = published("table-5.1")
     chosen = table[
-        (table.task == _PUBLISHED_TASKS[task])
+        (table.task == TASKS[task])
         & (table.architecture == architecture.upper())
         & (table.quantity == quantity)
     ]

@@ -17,6 +17,8 @@ from pathlib import Path
 
 from dask.base import tokenize
 from distributed import Client, Future, Status, as_completed, get_worker
+from distributed.client import ClosedClientError
+from distributed.comm import CommClosedError
 from distributed.scheduler import KilledWorker
 from distributed.worker import thread_state
 
@@ -34,6 +36,9 @@ PATIENCE = 600.0
 noticed that its scheduler is gone."""
 
 _TOPIC = "thesis-sweep"
+
+_LOST = (CommClosedError, ClosedClientError, TimeoutError)
+"""What a client raises, wherever it is, once its scheduler is gone."""
 
 
 @dataclass(frozen=True)
@@ -121,10 +126,16 @@ def sweep(
             waiting.append(config)
     if waiting:
         gigabytes = max(map(memory, waiting))
-        with connected(len(waiting), workers, scheduler, gigabytes) as client:
-            for outcome in _outcomes(client, in_order(waiting), store, any_version, line):
-                store.pull(run_name(outcome.config))
-                ended(outcome)
+        try:
+            with connected(len(waiting), workers, scheduler, gigabytes) as client:
+                for outcome in _outcomes(client, in_order(waiting), store, any_version, line):
+                    store.pull(run_name(outcome.config))
+                    ended(outcome)
+        except _LOST as error:
+            raise SchedulerLost(
+                f"the scheduler ended; the runs are kept in {store.place}: give the same "
+                "command again to go on from their last checkpoints."
+            ) from error
     return [outcomes[name] for name in names]
 
 
@@ -150,10 +161,7 @@ def _outcomes(
     try:
         for future in as_completed(futures):
             if future.status == "cancelled":
-                raise SchedulerLost(
-                    f"the scheduler ended; the runs are kept in {store.place}: give the same "
-                    "command again to go on from their last checkpoints."
-                )
+                raise CommClosedError("the scheduler ended")
             yield Outcome(futures[future], _error(future))
     finally:
         client.unsubscribe_topic(_TOPIC)
