@@ -26,6 +26,7 @@ from scipy import stats
 from thesis_lib import cli
 from thesis_lib.edition.experiment import load
 from thesis_lib.training.checkpoint import code_digest
+from thesis_lib.training.cluster import SchedulerLost, connected
 from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.curves import (
     CURVES_COLUMNS,
@@ -42,7 +43,7 @@ from thesis_lib.training.curves import (
 from thesis_lib.training.grid import GRID_COLUMNS, Grid, key, parse_variant, run_name
 from thesis_lib.training.plan import STEP_COST, cost, makespan, memory, plan
 from thesis_lib.training.store import Store
-from thesis_lib.training.sweep import Outcome, SchedulerLost, in_order, sweep
+from thesis_lib.training.sweep import Outcome, in_order, sweep
 from thesis_lib.training.train import train
 
 SMALL = TrainConfig(batch_steps=100, horizon=20, iterations=3, checkpoint_every=1)
@@ -566,6 +567,17 @@ def test_a_scheduler_that_is_gone_is_one_sentence_wherever_the_client_finds_out(
     monkeypatch.setattr(Client, "unsubscribe_topic", gone)
     with pytest.raises(SchedulerLost, match="the scheduler ended; the runs are kept in"):
         sweep([SMALL], tmp_path, workers=1)
+
+
+def test_work_whose_future_is_lost_with_its_scheduler_is_one_sentence() -> None:
+    def work() -> None:
+        with connected(1, 1, None) as client:
+            future = client.submit(time.sleep, 60)
+            client.cancel([future])  # as a client does whose scheduler is gone
+            future.result()
+
+    with pytest.raises(SchedulerLost, match="the scheduler ended"):
+        work()
 
 
 def test_no_scheduler_is_one_sentence(tmp_path: Path) -> None:

@@ -13,6 +13,10 @@ from typing import Any
 
 import dask
 from distributed import Client, LocalCluster
+from distributed.client import ClosedClientError, FutureCancelledError
+from distributed.comm import CommClosedError
+
+from thesis_lib.checks import ForeseenError
 
 SLURM = "slurm"
 """The scheduler that is jobs of SLURM, by dask-jobqueue."""
@@ -33,6 +37,13 @@ GUARD = (
     "the processes that train could not be started: a script that is run must have what it does "
     'under `if __name__ == "__main__":`, for each of them imports it.'
 )
+
+_LOST = (CommClosedError, ClosedClientError, FutureCancelledError, TimeoutError)
+"""What a client raises, wherever it is, once its scheduler is gone."""
+
+
+class SchedulerLost(ForeseenError):  # noqa: N818 - it names what happened
+    """A scheduler ended before the work that it had been given."""
 
 
 @contextmanager
@@ -56,7 +67,20 @@ def connected(
     ------
     ValueError
         When there are no workers, or no scheduler answers.
+    SchedulerLost
+        When the scheduler ends within this block.
     """
+    try:
+        with _client(tasks, workers, scheduler, gigabytes) as client:
+            yield client
+    except _LOST as error:
+        raise SchedulerLost("the scheduler ended: give the same command again.") from error
+
+
+@contextmanager
+def _client(
+    tasks: int, workers: int | None, scheduler: str | Client | None, gigabytes: float
+) -> Iterator[Client]:
     if workers is not None and workers < 1:
         raise ValueError(f"workers is {workers}, but at least 1 worker is needed.")
     if isinstance(scheduler, Client):

@@ -17,12 +17,10 @@ from pathlib import Path
 
 from dask.base import tokenize
 from distributed import Client, Future, Status, as_completed, get_worker
-from distributed.client import ClosedClientError
-from distributed.comm import CommClosedError
 from distributed.scheduler import KilledWorker
 from distributed.worker import thread_state
 
-from thesis_lib.training.cluster import connected
+from thesis_lib.training.cluster import SchedulerLost, connected
 from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.curves import progress
 from thesis_lib.training.grid import first_repeated, run_name
@@ -36,9 +34,6 @@ PATIENCE = 600.0
 noticed that its scheduler is gone."""
 
 _TOPIC = "thesis-sweep"
-
-_LOST = (CommClosedError, ClosedClientError, TimeoutError)
-"""What a client raises, wherever it is, once its scheduler is gone."""
 
 
 @dataclass(frozen=True)
@@ -55,10 +50,6 @@ class Outcome:
 
     config: TrainConfig
     error: str | None = None
-
-
-class SchedulerLost(TrainingStopped):
-    """The scheduler of a sweep ended; the runs go on from their checkpoints with the next one."""
 
 
 def sweep(
@@ -131,7 +122,7 @@ def sweep(
                 for outcome in _outcomes(client, in_order(waiting), store, any_version, line):
                     store.pull(run_name(outcome.config))
                     ended(outcome)
-        except _LOST as error:
+        except SchedulerLost as error:
             raise SchedulerLost(
                 f"the scheduler ended; the runs are kept in {store.place}: give the same "
                 "command again to go on from their last checkpoints."
@@ -161,7 +152,7 @@ def _outcomes(
     try:
         for future in as_completed(futures):
             if future.status == "cancelled":
-                raise CommClosedError("the scheduler ended")
+                raise SchedulerLost
             yield Outcome(futures[future], _error(future))
     finally:
         client.unsubscribe_topic(_TOPIC)
