@@ -13,7 +13,9 @@ from thesis_lib import registration
 from thesis_lib.domains import environments
 from thesis_lib.locomotion import BatchTask, robots
 from thesis_lib.policies import make_policy
+from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.disturbances import parse_perturbation
+from thesis_lib.training.run import Training
 
 PACKAGE = """
 from dataclasses import dataclass, replace
@@ -165,3 +167,15 @@ def test_two_packages_with_one_name_are_refused(package):
     install(package, "other", "[thesis_lib.architectures]\nlinear = other:linear\n")
     with pytest.raises(ValueError, match=r"'linear' is offered as (my_package|other):linear"):
         make_policy("linear", 4, 2, dt=0.1)
+
+
+def test_a_package_s_robot_and_network_are_trained(package):
+    config = TrainConfig("Pogo", architecture="linear", units=3, batch_steps=40, horizon=20)
+    run = Training(config)
+    # each of 3 motors: a weight for what is seen, a bias and a deviation
+    assert run.policy.n_trainable == 3 * (run.task.observation_size + 2)
+    assert np.isfinite(run.step()["mean_return"])
+    with pytest.raises(
+        ValueError, match="architecture 'square' does not exist: choose one of ffwd"
+    ):
+        TrainConfig("Pogo", architecture="square")

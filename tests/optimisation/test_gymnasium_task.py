@@ -1,6 +1,7 @@
 """Any environment of Gymnasium as a task: the same steps as by hand, and policies that learn."""
 
 import copy
+import dataclasses
 import pickle
 
 import gymnasium
@@ -10,6 +11,9 @@ import torch
 
 from thesis_lib.optimisation import TRPO, GymnasiumTask, Learner, collect, run_episodes
 from thesis_lib.policies import make_policy
+from thesis_lib.training.config import TrainConfig, idle_settings
+from thesis_lib.training.grid import run_name
+from thesis_lib.training.train import train
 
 
 class Countdown(gymnasium.Env):
@@ -146,3 +150,26 @@ def test_bad_input_is_one_sentence():
     for env in (gymnasium.make("Pendulum-v1"), gymnasium.make_vec("Pendulum-v1", num_envs=2)):
         with pytest.raises(ValueError, match="pass GymnasiumTask"):
             run_episodes(env, policy)
+
+
+@pytest.mark.parametrize("architecture", ["ctrnn", "esn", "ffwd"])
+def test_a_run_on_an_environment_s_id_is_taken_up_where_it_was_left(architecture, tmp_path):
+    config = TrainConfig(
+        "Pendulum-v1", architecture=architecture, batch_steps=60, horizon=20, iterations=2
+    )
+    train(dataclasses.replace(config, iterations=1), tmp_path)
+    resumed, whole = train(config, tmp_path), train(config)
+    assert resumed.curve.mean_return.tolist() == whole.curve.mean_return.tolist()
+    assert (whole.curve.steps == [60, 120]).all()
+    assert (resumed.policy.parameter_vector() == whole.policy.parameter_vector()).all()
+
+
+def test_a_run_on_an_environment_that_cannot_be_trained_on_is_one_sentence():
+    with pytest.raises(ValueError, match="task 'Nope-v0' does not exist: choose one of Swimmer"):
+        TrainConfig("Nope-v0")
+    with pytest.raises(ValueError, match="terrain is 'hill', but Pendulum-v1 has none"):
+        TrainConfig("Pendulum-v1", "hill")
+    with pytest.raises(ValueError, match="give an environment with a Box action"):
+        train(TrainConfig("CartPole-v1"))
+    assert idle_settings(TrainConfig("Pendulum-v1", reading="text"))["reading"] == "a robot's task"
+    assert run_name(TrainConfig("thesis/Hopper-v0")) == "thesis-hopper-v0-flat-dtrnn-0-float32"

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+import gymnasium
 import torch
 
 from thesis_lib.checks import check_seed, plain_settings
@@ -16,6 +17,7 @@ from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.policies import ARCHITECTURES, DEEP_NETS, RECURRENT_NETS
 from thesis_lib.published import TASKS
 from thesis_lib.published import load as published
+from thesis_lib.registration import offers
 
 TERRAINS = ("flat", "hill")
 ALGORITHMS = ("trpo", "vpg", "natural", "ppo")
@@ -85,11 +87,13 @@ class TrainConfig:
     """One training run; defaults from table 5.1, section 5.4 and the author's code."""
 
     task: str = "Hopper"
-    """Swimmer, Hopper, HalfCheetah, Walker2d or Ant."""
+    """Swimmer, Hopper, HalfCheetah, Walker2d, Ant, a robot that a package offers, or the id of a
+    registered Gymnasium environment with a Box action."""
     terrain: str = "flat"
     """flat, or hill: one map, drawn from the seed."""
     architecture: str = "dtrnn"
-    """ffwd, dffwd, dtrnn, ctrnn, gru, lstm, esn, dffwd-softplus or ffwd-400."""
+    """ffwd, dffwd, dtrnn, ctrnn, gru, lstm, esn, dffwd-softplus, ffwd-400, or one that a package
+    offers."""
     seed: int = 0
     """All randomness comes from it."""
     iterations: int = 500
@@ -180,7 +184,7 @@ class TrainConfig:
         object.__setattr__(self, "task", task_name(self.task))
         for name, allowed in (
             ("terrain", TERRAINS),
-            ("architecture", tuple(ARCHITECTURES)),
+            ("architecture", _architectures(self.architecture)),
             ("algorithm", ALGORITHMS),
             ("baseline", BASELINES),
             ("features", FEATURES),
@@ -191,6 +195,10 @@ class TrainConfig:
                 raise ValueError(
                     f"{name} {value!r} does not exist: choose one of {', '.join(allowed)}."
                 )
+        if self.terrain != "flat" and not is_robot(self.task):
+            raise ValueError(
+                f"terrain is {self.terrain!r}, but {self.task} has none: leave it flat."
+            )
         for name in ("iterations", "batch_steps", "horizon", "maps", "checkpoint_every"):
             value = getattr(self, name)
             if value < 1:
@@ -209,6 +217,13 @@ class TrainConfig:
             )
 
 
+def _architectures(asked: str) -> tuple[str, ...]:
+    """The architectures there are; what packages offer is looked up for a name that is new."""
+    return tuple(
+        ARCHITECTURES if asked in ARCHITECTURES else (*ARCHITECTURES, *offers("architecture"))
+    )
+
+
 def idle_settings(config: TrainConfig) -> dict[str, str]:
     """Settings that differ from their default and have no effect, with what they belong to."""
     default = TrainConfig()
@@ -221,15 +236,17 @@ def idle_settings(config: TrainConfig) -> dict[str, str]:
 
 def _without_effect(config: TrainConfig) -> dict[str, str]:
     """Settings that have no effect on a run, with what they belong to."""
-    return {
+    of_robots = () if is_robot(config.task) else ("features", "reading", "alive_bonus", "threads")
+    offered = config.architecture not in ARCHITECTURES
+    return dict.fromkeys(of_robots, "a robot's task") | {
         name: f"{by} {' or '.join(values)}"
         for name, (by, values) in _NEEDS.items()
-        if getattr(config, by) not in values
+        if getattr(config, by) not in values and not (offered and name == "units")
     }
 
 
 def task_name(name: str) -> str:
-    """The robot's name for a task named in any spelling.
+    """The name of a task: a robot's in any spelling, or an environment's id.
 
     Raises
     ------
@@ -237,9 +254,20 @@ def task_name(name: str) -> str:
         Naming the tasks there are.
     """
     plain = name.replace("_", "").replace("-", "").lower()
-    if plain not in TASK_NAMES:
-        raise ValueError(f"task {name!r} does not exist: choose one of {', '.join(ROBOTS)}.")
-    return TASK_NAMES[plain]
+    if plain in TASK_NAMES:
+        return TASK_NAMES[plain]
+    if is_robot(name) or name in gymnasium.registry:
+        return name
+    robots = ", ".join((*ROBOTS, *offers("robot")))
+    raise ValueError(
+        f"task {name!r} does not exist: choose one of {robots}, or the id of an environment that "
+        "is registered in Gymnasium."
+    )
+
+
+def is_robot(task: str) -> bool:
+    """Whether a task is a robot's, and no other environment of Gymnasium."""
+    return task in ROBOTS or task in offers("robot")
 
 
 @cache
@@ -249,7 +277,7 @@ def table_5_1(task: str, architecture: str, quantity: str) -> float | None:
     Parameters
     ----------
     task
-        Name of the robot.
+        Name of the task.
     architecture
         Name of the net.
     quantity
@@ -257,7 +285,7 @@ def table_5_1(task: str, architecture: str, quantity: str) -> float | None:
     """
     table = published("table-5.1")
     chosen = table[
-        (table.task == TASKS[task])
+        (table.task == TASKS.get(task))
         & (table.architecture == architecture.upper())
         & (table.quantity == quantity)
     ]

@@ -145,4 +145,4 @@ def run_name(config: TrainConfig) -> str:
     parts = [str(part) for part in key(config).values()]
     if parts[-1] == DEFAULT:
         parts.pop()
-    return "-".join(parts).lower().replace(", ", "-").replace("=", "-")
+    return "-".join(parts).lower().replace(", ", "-").replace("=", "-").replace("/", "-")

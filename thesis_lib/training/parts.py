@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,15 @@ from thesis_lib.locomotion import BatchTask, make_task
 from thesis_lib.locomotion.perturbations import SUBSETS
 from thesis_lib.locomotion.tasks import Task
 from thesis_lib.locomotion.terrain import hill_maps
-from thesis_lib.optimisation import PPO, TRPO, VPG, LinearBaseline, NaturalPG, ValueNetwork
+from thesis_lib.optimisation import (
+    PPO,
+    TRPO,
+    VPG,
+    GymnasiumTask,
+    LinearBaseline,
+    NaturalPG,
+    ValueNetwork,
+)
 from thesis_lib.optimisation.problem import Algorithm
 from thesis_lib.policies import GaussianPolicy, make_policy
 from thesis_lib.training.config import (
@@ -19,6 +28,7 @@ from thesis_lib.training.config import (
     TrainConfig,
     head_scale,
     idle_settings,
+    is_robot,
     sensors,
     step_size,
     table_5_1,
@@ -30,11 +40,15 @@ def make_run_task(config: TrainConfig) -> Task:
     return make_task(config.task, reading=config.reading, alive_bonus=config.alive_bonus)  # type: ignore[arg-type]
 
 
-def make_batch_task(config: TrainConfig) -> BatchTask:
+def make_batch_task(config: TrainConfig) -> BatchTask | GymnasiumTask:
     """The task of a run, in its worlds."""
     n_worlds = config.worlds
     if n_worlds is None:
         n_worlds = max(1, min(100, config.batch_steps // config.horizon))
+    if not is_robot(config.task):
+        return GymnasiumTask(
+            config.task, n_worlds, seed=config.seed, max_episode_steps=config.horizon
+        )
     terrain = None
     if config.terrain == "hill":
         seed = np.random.SeedSequence(config.seed, spawn_key=(SEED_KEYS["terrain"],))
@@ -52,7 +66,13 @@ def make_batch_task(config: TrainConfig) -> BatchTask:
 
 def make_run_policy(config: TrainConfig) -> GaussianPolicy:
     """The policy of a run before training."""
-    task = make_run_task(config)
+    task: Task | GymnasiumTask
+    if is_robot(config.task):
+        task = make_run_task(config)
+        dt = task.robot.control_dt
+    else:
+        with closing(GymnasiumTask(config.task, 1)) as task:
+            dt = task.dt
     options: dict[str, Any] = {"initial_log_std": config.initial_log_std}
     # What a sweep sets for all its runs goes to the nets that have it.
     idle = idle_settings(config)
@@ -79,14 +99,16 @@ def make_run_policy(config: TrainConfig) -> GaussianPolicy:
             ("density", "weight_density"),
         ):
             asked = getattr(config, name)
-            options[name] = table_5_1(config.task, "esn", printed) if asked is None else asked
+            value = table_5_1(config.task, "esn", printed) if asked is None else asked
+            if value is not None:
+                options[name] = value
     reading = sensors(config)
     features = None if reading == "all" else [int(i) for i in SUBSETS[reading][config.task]]
     return make_policy(
         config.architecture,
         task.observation_size,
         task.action_size,
-        dt=task.robot.control_dt,
+        dt=dt,
         seed=config.seed,
         units=None if "units" in idle else config.units,
         features=features,

@@ -21,7 +21,7 @@ from thesis_lib.training.run import Training, TrainingStopped
 def default_directory(config: TrainConfig) -> Path:
     """Where a run goes unless asked otherwise; every task, terrain, net and seed has its own."""
     name = f"{config.task}-{config.terrain}-{config.architecture}-{config.seed}".lower()
-    return repository_root() / "_build" / "runs" / name
+    return repository_root() / "_build" / "runs" / name.replace("/", "-")
 
 
 def train(
