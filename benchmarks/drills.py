@@ -1,6 +1,6 @@
 """Fault drills: what is left after kills, full disks, bad input and two hands at once.
 
-    .venv/bin/python benchmarks/drills.py run train sweep book       # about half an hour
+    .venv/bin/python benchmarks/drills.py run train sweep book others   # about half an hour
     .venv/bin/python benchmarks/drills.py run --kills 5
 
 It prints a table and exits with 1 if a drill failed.  With ``--out results/drills`` the rows of
@@ -18,6 +18,7 @@ import json
 import multiprocessing
 import os
 import random
+import re
 import resource
 import shutil
 import signal
@@ -233,33 +234,46 @@ BAD = [
     *([*RUN, "--seed", seed] for seed in ("-1", str(2**64), str(10**30), "1.5", "nan", "x", "")),
     *([*RUN, "--workers", workers] for workers in ("0", "-3", "1.5", "many")),
     *([*RUN, "--repeats", n] for n in ("0", "-1", "x", "1e3")),
-    *([*RUN, *more] for more in (["--episodes", "0"], ["--episodes", "-5"], ["--colour", "red"])),
+    *([*RUN, "--episodes", n] for n in ("0", "-5", "")),
+    *([*RUN, "--alphas", *alphas] for alphas in (["x"], ["2"], [".5", "nan"], ["-1"])),
+    *([*RUN, "--epsilons", epsilon] for epsilon in ("2", "-0.1", "inf")),
+    *([*RUN, "--discount", discount] for discount in ("-1", "1.5", "x")),
+    *([*RUN, "--names", name] for name in ("", "Q*", "q_star")),
+    *([*RUN, *more] for more in (["--mu.method", "magic"], ["--mu.restarts", "0"])),
+    *([*RUN, "--colour", "red"], [*RUN, "red"], ["run"]),
     *([*TRAIN, "--delta-kl", value] for value in ("0", "-1", "inf", "nan", "x")),
     *([*TRAIN, "--task", name] for name in ("", "humanoid", "Hopper ")),
     *([*TRAIN, "--iterations", n] for n in ("-1", "1.5")),
-    *([*SWEEP, "--seeds", *seeds] for seeds in (["0", "0"], ["-1"], ["x"])),
+    *([*SWEEP, "--seeds", *seeds] for seeds in (["0", "0"], ["-1"], ["x"], [])),
+    *([*SWEEP, "--workers", workers] for workers in ("0", "x")),
     [*SWEEP, "--variants", "wings=2"],
     *(["book", "--budget", b] for b in ("", "quick", "Book")),
     *(["book", "--seed", s] for s in ("-1", str(2**64), "x")),
     *(["book", "--budget", "smoke", "--only", name] for name in ("ch9", "", "../x")),
-    *(["fly"], ["run"], ["list", "--all"]),
+    *([], ["fly"], ["list", "--all"], ["claims", "9.9"], ["claims", "--seeds", "-1"]),
+    *(["evaluate"], ["evaluate", "nowhere"], ["evaluate", "nowhere", "--runs", "0"]),
+    *(["export", "nowhere", "x.npz"], ["export", "nowhere", "x.zip"], ["export", "nowhere"]),
+    *(["test-policies", "nowhere"], ["test-policies", "nowhere", "--rule", "luck"]),
 ]
 """Command lines that cannot be carried out."""
 
 
 def bad_input(family: str, folder: Path) -> tuple[int, int]:
-    """Status 2, no traceback, and nothing written."""
-    tried = [line for line in BAD if (line[0] if line[0] in DRILLS else "run") == family]
+    """Status 2, one sentence with what was given and what is right, and nothing written."""
+    tried = [
+        line for line in BAD if (line[0] if line[:1] and line[0] in DRILLS else "others") == family
+    ]
     good = 0
     for arguments in tried:
         takes_out = len(arguments) > 1 and arguments[0] in ("run", "train", "sweep")
         out = ["--out", str(folder)] if takes_out else []
         command = Command([*arguments, *out])
-        right = command.status() == 2 and "Traceback" not in command.error
-        right &= not any(folder.iterdir())
-        if not right:
-            tell(f"{arguments}: status {command.status()}, {command.error[-200:]!r}")
-        good += right
+        status, said = command.status(), command.error.removeprefix("begun\n")
+        right = status == 2 and re.fullmatch(r"thesis: .+(: | but ).+\.\n", said)
+        right = right and any(given.lstrip("-") in said for given in arguments[-2:] or [""])
+        if not right or any(folder.iterdir()):
+            tell(f"{arguments}: status {status}, {said[-200:]!r}")
+        good += bool(right) and not any(folder.iterdir())
     return good, len(tried)
 
 
@@ -366,7 +380,18 @@ def drill_book(fresh: Callable[[], Path], n: int) -> Iterator[tuple[str, tuple[i
     yield "bad input", bad_input("book", fresh())
 
 
-DRILLS = {"run": drill_run, "train": drill_train, "sweep": drill_sweep, "book": drill_book}
+def drill_others(fresh: Callable[[], Path], n: int) -> Iterator[tuple[str, tuple[int, int]]]:
+    yield "bad input", bad_input("others", fresh())
+
+
+DRILLS = {
+    "run": drill_run,
+    "train": drill_train,
+    "sweep": drill_sweep,
+    "book": drill_book,
+    "others": drill_others,
+}
+NAMES = {name: f"thesis {name}" for name in DRILLS} | {"others": "other commands"}
 
 
 def keep(rows: list[dict[str, Any]], out: Path, given: Sequence[str]) -> None:
@@ -378,7 +403,7 @@ def keep(rows: list[dict[str, Any]], out: Path, given: Sequence[str]) -> None:
         table = pd.concat([before[~before.command.isin(table.command)], table])
         table = table.sort_values(
             "command",
-            key=lambda c: c.map([f"thesis {name}" for name in DRILLS].index),
+            key=lambda c: c.map(list(NAMES.values()).index),
             kind="stable",
         )
     with replacing(file) as temporary:
@@ -415,7 +440,7 @@ def main() -> int:
                 return folder
 
             for drill, (good, of) in DRILLS[which](fresh, asked.kills):
-                rows.append({"command": f"thesis {which}", "drill": drill, "good": good, "of": of})
+                rows.append({"command": NAMES[which], "drill": drill, "good": good, "of": of})
                 rows[-1] |= made
                 print(f"{rows[-1]['command']:14} {drill:38} {good} of {of}", flush=True)
     if asked.out:

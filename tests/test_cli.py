@@ -76,13 +76,22 @@ def test_workers_do_not_change_the_table(tmp_path):
         (["run", "table-3.1", "--budget", "quick"], "choose one of smoke, book, thesis"),
         (["run", "table-3.1", "--budget", "smoke", "--seed", "-1"], "at least 0"),
         (["run", "table-3.1", "--budget", "smoke", "--seed", str(2**64)], "and below 2**64"),
-        (["run", "figure-3.3", "--budget", "smoke", "--repeats", "-1"], "number of runs is -1"),
+        (["run", "figure-3.3", "--budget", "smoke", "--repeats", "-1"], "repeats is -1"),
         (["run", "table-3.1", "--budget", "smoke", "--workers", "0"], "at least 1 worker"),
+        (["run", "figure-3.3", "--seed", "x"], "--seed is 'x', but takes INT: see `thesis run"),
+        (["run", "figure-3.3", "--repeats", "1e3"], "figure-3.3 --help`"),
+        (["run", "figure-3.3", "--alphas", ".1", "x"], "--alphas is ['.1', 'x'], but takes [FLOAT"),
+        (["run", "figure-3.3", "--alphas"], "alphas is empty"),
+        (["run", "figure-3.3", "--colour", "red"], "'--colour' is not known"),
+        (["run"], "`thesis run` needs id: see `thesis run --help`"),
         (["book", "--budget", "quick"], "choose one of smoke, book, thesis"),
+        (["book", "--seed"], "--seed has no value, but takes INT"),
+        (["fly"], "there is no command 'fly': choose one of list, run, train"),
+        ([], "a command is missing: choose one of list"),
     ],
 )
 def test_bad_input_is_one_sentence_and_status_2(arguments, message, capsys, tmp_path):
-    extra = ["--out", str(tmp_path)] if arguments[0] == "run" else []
+    extra = ["--out", str(tmp_path)] if arguments[:1] == ["run"] and arguments[1:] else []
     assert cli.main([*arguments, *extra]) == 2
     error = capsys.readouterr().err
     assert message in error

@@ -23,7 +23,7 @@ import tyro
 
 from thesis_lib.checkout import cache_folders
 from thesis_lib.checks import ForeseenError, check_seed
-from thesis_lib.cli_parts import checked, status, text, unchecked
+from thesis_lib.cli_parts import checked, parsed, status, text, unchecked
 from thesis_lib.edition.budgets import BUDGETS, check_budget
 from thesis_lib.files import replacing, writable_directory
 
@@ -97,11 +97,11 @@ class Run:
         kind = type(default)
         config = checked(
             kind,
-            tyro.cli(
+            parsed(
                 unchecked(kind),
+                overrides,
+                f"thesis run {self.id}",
                 default=checked(unchecked(kind), default),
-                args=list(overrides),
-                prog=f"thesis run {self.id}",
                 description=f"{experiment.item}: {experiment.title} Fields of the config:",
             ),
         )
@@ -300,10 +300,11 @@ def _main(arguments: list[str]) -> int:
             for name, kind in late.items()
         ]
         kinds: list[Any] = [List, Run, *described, Claims, Book]
-        command, unknown = tyro.cli(
+        command, unknown = parsed(
             reduce(operator.or_, kinds),
-            args=arguments,
-            prog="thesis",
+            arguments,
+            "thesis",
+            command=" ".join(["thesis", *arguments[:1]]),
             description="The living edition of Snel's thesis, on the command line.",
             return_unknown_args=True,
         )

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import signal
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -12,6 +14,12 @@ import tyro
 
 if TYPE_CHECKING:
     import pandas as pd
+
+try:
+    from tyro import _errors as tyro_errors
+except ImportError:  # a tyro of another version draws its box
+    tyro_errors = None  # type: ignore[assignment]
+
 
 SettingsT = TypeVar("SettingsT")
 
@@ -41,6 +49,48 @@ def unchecked(kind: type[SettingsT], hidden: Sequence[str] = ()) -> type[Setting
 def checked(kind: type[SettingsT], given: Any) -> SettingsT:
     """The settings that were given, checked; ValueError for those that cannot be."""
     return kind(**{f.name: getattr(given, f.name) for f in dataclasses.fields(given)})
+
+
+def parsed(
+    kind: Any, arguments: Sequence[str], prog: str, *, command: str = "", **options: Any
+) -> Any:
+    """What ``tyro.cli`` makes of arguments; what it cannot read is one sentence, and no box.
+
+    Parameters
+    ----------
+    kind, arguments, prog, **options
+        Of ``tyro.cli``.
+    command
+        Whose ``--help`` the sentence names; default ``prog``.
+
+    Raises
+    ------
+    ValueError
+        With what was given, what is allowed, and where to read on.
+    """
+    see = f"see `{command or prog} --help`."
+
+    def refuse(event: Any) -> None:
+        told = vars(event)
+        if commands := told.get("subcommand_spec"):
+            given = f"there is no command {arguments[0]!r}" if arguments else "a command is missing"
+            raise ValueError(f"{given}: choose one of {', '.join(commands.parser_from_name)}.")
+        if missing := told.get("missing_arguments"):
+            names = " and ".join(m.arg.field.intern_name for m in missing)
+            raise ValueError(f"`{command or prog}` needs {names}: {see}")
+        if told.get("argument"):
+            flag = told["argument"].lowered
+            why = told.get("message", "").partition("\n\n")[0]
+            value = re.search(r"(\[.*\]|'[^']*')\.?$", why)
+            has = f"is {value[1]}" if value else "has no value"
+            raise ValueError(
+                f"{'/'.join(flag.name_or_flags)} {has}, but takes {flag.metavar}: {see}"
+            )
+        if told.get("tokens"):
+            raise ValueError(f"{told['tokens'][0]!r} is not known: {see}")
+
+    with tyro_errors.on_parse_error(refuse) if tyro_errors else nullcontext():
+        return tyro.cli(kind, args=list(arguments), prog=prog, **options)
 
 
 def text(table: pd.DataFrame, most: int = 60) -> str:

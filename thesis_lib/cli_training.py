@@ -183,7 +183,7 @@ class Export:
         forms = {".npz": dumps, ".onnx": to_onnx}
         if self.out.suffix not in forms:
             raise ValueError(
-                f"a policy cannot be written as {self.out.suffix!r}: choose {' or '.join(forms)}."
+                f"a policy cannot be written as {self.out.name!r}: choose {' or '.join(forms)}."
             )
         writable_directory(self.out.parent)
         trained = _read(self.checkpoint, self.run)

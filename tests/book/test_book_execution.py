@@ -167,7 +167,7 @@ def test_a_folder_without_a_book_is_refused(tmp_path: Path) -> None:
 def test_build_refuses_what_does_not_exist(root: Path) -> None:
     with pytest.raises(ValueError, match="smoke, book, thesis"):
         build("fast", root=root)
-    with pytest.raises(ValueError, match="no notebook 'three'; choose among one, two"):
+    with pytest.raises(ValueError, match="no notebook 'three': choose among one, two"):
         build("smoke", only=["three"], root=root)
     with pytest.raises(ValueError, match="seed is -1"):
         build("smoke", seed=-1, root=root)

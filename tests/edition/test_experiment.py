@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import os
+import re
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -281,3 +282,53 @@ def test_settings_that_are_not_what_they_should_be(config, message):
     with pytest.raises(ValueError, match=message) as caught:
         RICH.run("smoke", config=config)
     assert "\n" not in str(caught.value)
+
+
+@dataclass(frozen=True)
+class Inner:
+    runs: int = 2
+    elite: int = 1
+
+
+@dataclass(frozen=True)
+class Counts:
+    runs: int = 2
+    extra: int = 5
+    rates: tuple[float, ...] = (0.1,)
+    sizes: tuple[tuple[int, int], ...] = ((1, 2),)
+    inner: Inner = Inner()
+
+
+COUNTING = base.Experiment(
+    id="counting",
+    item="Counting",
+    title="Nothing.",
+    function=lambda config, context: pd.DataFrame({"n": []}),
+    budgets=dict.fromkeys(base.BUDGETS, Counts()) | {"smoke": Counts(extra=0)},
+    columns={"n": "none"},
+    seconds=0,
+)
+
+
+@pytest.mark.parametrize(
+    ("config", "message"),
+    [
+        (Counts(runs=0), "runs is 0, but it must be at least 1."),
+        (Counts(runs=-3), "runs is -3, but it must be at least 1."),
+        (Counts(extra=-1), "extra is -1, but it must be at least 0."),
+        (Counts(rates=()), "rates is empty, but it must have at least one value."),
+        (Counts(sizes=((1, 0),)), "sizes is ((1, 0),), but it must be at least 1."),
+        (Counts(inner=Inner(runs=0)), "runs is 0, but it must be at least 1."),
+        (Counts(inner=Inner(elite=-1)), "elite is -1, but it must be at least 0."),
+    ],
+)
+def test_counts_of_nothing(config, message):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        COUNTING.run(config=config)
+    COUNTING.run(config=Counts(extra=0, inner=Inner(elite=0)))
+
+
+def test_no_budget_counts_nothing():
+    for experiment in experiments().values():
+        for config in experiment.budgets.values():
+            base._check_counts(config, list(experiment.budgets.values()))

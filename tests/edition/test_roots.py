@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import pandas as pd
 import pytest
 
+from tests.surroundings import python
 from thesis_lib.book import ledger
 from thesis_lib.edition import experiment as base
 from thesis_lib.edition import roots
@@ -167,3 +168,18 @@ def test_inconclusive_roots_do_not_make_a_mixture_look_settled():
     mixed = OverRoots({REPRODUCED: 7, Verdict.INCONCLUSIVE: 3}, "book", "", False)
     assert (mixed.verdict, mixed.held) == (Verdict.INCONCLUSIVE, 0)
     assert mixed.frequency == "reproduced in 7, inconclusive at this budget in 3 of 10"
+
+
+def test_a_script_without_a_guard_says_what_it_lacks(tmp_path):
+    """Each process imports the script that starts it, which would start processes again."""
+    script = tmp_path / "mine.py"
+    script.write_text(
+        "from pathlib import Path\n"
+        "from thesis_lib.edition.roots import Job, make\n"
+        f"make([Job('figure-3.3', 1, 'smoke', Path({str(tmp_path)!r}), '')], 2, print)\n"
+    )
+    done = python(str(script))
+    assert done.returncode == 1
+    assert "the processes that are to work could not be started: a script" in done.stderr
+    assert "ForeseenError: a process ended before" in done.stderr
+    assert 'under `if __name__ == "__main__":`' in done.stderr.splitlines()[-1]

@@ -596,5 +596,5 @@ def test_a_script_without_a_guard_says_what_it_lacks(tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=120)
     assert done.returncode == 1
-    assert "ValueError: the processes that train could not be started" in done.stderr
+    assert "ValueError: the processes that are to work could not be started" in done.stderr
     assert 'under `if __name__ == "__main__":`' in done.stderr.splitlines()[-1]

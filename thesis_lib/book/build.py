@@ -117,7 +117,7 @@ def _listed(only: Sequence[str], paths: Paths, say: Callable[[str], None]) -> li
     unknown = [name for name in only if name not in names]
     if unknown:
         raise ValueError(
-            f"there is no notebook {', '.join(map(repr, unknown))}; choose among "
+            f"there is no notebook {', '.join(map(repr, unknown))}: choose among "
             f"{', '.join(names)}."
         )
     toc = (paths.root / "_toc.yml").read_text(encoding="utf-8")

@@ -202,6 +202,7 @@ class Experiment(Generic[ConfigT]):
                 f"{type(default).__module__}."
             )
         chosen = plain(default if config is None else config)
+        _check_counts(chosen, tuple(self.budgets.values()))
         seed = check_seed(seed)
         context = Context(seed=seed, workers=workers)
         made_with = environment()  # a later commit is not what ran
@@ -232,6 +233,36 @@ class Experiment(Generic[ConfigT]):
             **made_with,
         }
         return Result(self, table, provenance)
+
+
+NONE_AT_ALL = frozenset({"brute_force", "elite", "n_random"})
+"""Counts that may be 0, though no budget has them so."""
+
+
+def _check_counts(config: Any, budgets: Sequence[Any]) -> None:
+    """Raise ValueError for a count below 1, or several values of which there are none.
+
+    A count is a whole number in a config, or in those within it; 0 is right where one of the
+    same config at the budgets has it.
+    """
+    for part in dataclasses.fields(config):
+        value, usual = getattr(config, part.name), [getattr(b, part.name) for b in budgets]
+        if dataclasses.is_dataclass(value):
+            _check_counts(value, usual)
+            continue
+        if isinstance(value, tuple) and not value and () not in usual:
+            raise ValueError(f"{part.name} is empty, but it must have at least one value.")
+        least = min([1, *_whole(usual), *(n for n in [0] if part.name in NONE_AT_ALL)])
+        for n in _whole(value):
+            if n < least:
+                raise ValueError(f"{part.name} is {shown(value)}, but it must be at least {least}.")
+
+
+def _whole(value: Any) -> list[int]:
+    """The whole numbers in a value and the sequences within it."""
+    if isinstance(value, tuple | list):
+        return [n for one in value for n in _whole(one)]
+    return [value] if isinstance(value, int) and not isinstance(value, bool) else []
 
 
 def experiment(

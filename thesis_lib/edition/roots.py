@@ -19,6 +19,7 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import cache
 from multiprocessing import get_context
@@ -29,6 +30,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.checkout import commit, repository_root
+from thesis_lib.checks import ForeseenError
 from thesis_lib.edition import chapters
 from thesis_lib.edition.experiment import Experiment, load, read_csv
 from thesis_lib.edition.ledger import Claim, Criterion, Finding, OverRoots, Verdict, finding
@@ -112,6 +114,9 @@ def make(jobs: Sequence[Job], workers: int, say: Callable[[str], None]) -> None:
         for done, job in enumerate(missing, 1):
             told(job(), done)
         return
+    from thesis_lib.training.cluster import check_guard  # takes a second to import
+
+    check_guard()
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         waiting = {pool.submit(job) for job in missing}
         try:
@@ -119,6 +124,12 @@ def make(jobs: Sequence[Job], workers: int, say: Callable[[str], None]) -> None:
                 ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
                 for future in ready:
                     told(future.result(), len(missing) - len(waiting))
+        except BrokenProcessPool as error:
+            raise ForeseenError(
+                "a process ended before its table was made: give the same command again, with "
+                "fewer workers where memory is short; a script must have what it does under "
+                '`if __name__ == "__main__":`.'
+            ) from error
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise

@@ -34,12 +34,18 @@ SETTINGS: dict[str, Any] = {
 """Dask's settings; a scheduler that is started apart keeps its own."""
 
 GUARD = (
-    "the processes that train could not be started: a script that is run must have what it does "
-    'under `if __name__ == "__main__":`, for each of them imports it.'
+    "the processes that are to work could not be started: a script that is run must have what "
+    'it does under `if __name__ == "__main__":`, for each of them imports it.'
 )
 
 _LOST = (CommClosedError, ClosedClientError, FutureCancelledError, TimeoutError)
 """What a client raises, wherever it is, once its scheduler is gone."""
+
+
+def check_guard() -> None:
+    """End a process that only imports the script which starts it, and would start more."""
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        raise SystemExit(GUARD)
 
 
 class SchedulerLost(ForeseenError):  # noqa: N818 - it names what happened
@@ -121,8 +127,7 @@ def _quiet() -> Iterator[None]:
 
 def _local_cluster(workers: int) -> LocalCluster:
     """Processes of this machine, each on one thread; they end with this process."""
-    if getattr(multiprocessing.current_process(), "_inheriting", False):
-        raise SystemExit(GUARD)  # a worker imports the script that starts it
+    check_guard()
     try:
         return LocalCluster(
             n_workers=workers,

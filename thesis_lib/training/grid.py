@@ -58,7 +58,7 @@ class Grid:
             if not values and f.name != "variants":
                 raise ValueError(f"{f.name} is empty, but a sweep needs at least one of them.")
             if len(set(values)) != len(values):
-                raise ValueError(f"{f.name} names {first_repeated(values)!r} twice.")
+                raise ValueError(f"{f.name} names {first_repeated(values)!r} twice: name it once.")
 
     def runs(self, base: TrainConfig | None = None) -> list[TrainConfig]:
         """The runs, tasks outermost.
