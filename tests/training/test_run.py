@@ -596,7 +596,8 @@ def test_another_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 @pytest.mark.parametrize(
-    ("architecture", "scale"), [("ffwd", 0.1), ("gru", 0.1), ("lstm", 0.1), ("dffwd", 1.0)]
+    ("architecture", "scale"),
+    [("ffwd", 0.1), ("gru", 0.1), ("lstm", 0.1), ("esn", 0.1), ("dffwd", 1.0)],
 )
 def test_where_the_output_layer_starts(architecture: str, scale: float) -> None:
     """Against the author's law, U(-a, a) with a = sqrt(6 / (inputs + outputs))."""
