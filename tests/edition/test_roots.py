@@ -65,10 +65,11 @@ def test_the_verdict_is_the_one_of_eight_roots_in_ten(tmp_path):
     found = roots.save(judged(tmp_path), "book", file)
     assert (found["often"].verdict, found["often"].frequency) == (REPRODUCED, "8 of 10")
     assert found["seldom"].verdict is Verdict.INCONCLUSIVE
-    assert found["seldom"].frequency == "refuted in 5, reproduced in 5 of 10"
+    # Five and three of eight: neither can still come to eight of ten.
+    assert found["seldom"].frequency == "refuted in 5, reproduced in 3 of 8"
     assert (found["sure"].verdict, found["sure"].frequency) == (REPRODUCED, "exact")
     assert roots.read(file) == found
-    assert len(pd.read_csv(file)) == 10 + 10 + 1
+    assert len(pd.read_csv(file)) == 10 + 8 + 1
 
 
 def test_only_tables_that_are_missing_or_of_other_code_are_made(tmp_path, monkeypatch, known):
@@ -85,6 +86,23 @@ def test_only_tables_that_are_missing_or_of_other_code_are_made(tmp_path, monkey
     lines.clear()
     judged(tmp_path, 3, lines=lines)
     assert len(lines) == 4
+
+
+def test_no_more_roots_are_made_than_can_change_the_verdict(tmp_path):
+    """Always reproduced: decided by the eighth root, and its last two tables are not made."""
+    lines = []
+    always = [claim("always", "drawn", 0)]
+    found = roots.judge_over(always, 10, budget="book", work=tmp_path, say=lines.append)
+    assert list(found[0].findings) == list(range(1, 9))
+    assert len(lines) == 8
+    over = roots.save(found, "book", tmp_path / "verdicts.csv")["always"]
+    assert (over.verdict, over.frequency) == (REPRODUCED, "8 of 8")
+
+
+def test_what_no_claim_reads_is_left_out(tmp_path, known):
+    known["drawn"] = replace(known["drawn"], claims_read={"low": 5.0})
+    (first, *_) = judged(tmp_path, 1)
+    assert first.findings[1].numbers == {"value": 6.0}
 
 
 def test_verdicts_of_other_claims_stay(tmp_path):

@@ -1,4 +1,4 @@
-"""Many tasks in one compiled call against one call of ``learn`` a task."""
+"""A batch of tasks against one call of ``learn`` a task."""
 
 import numpy as np
 import pytest

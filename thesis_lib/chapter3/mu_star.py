@@ -65,6 +65,7 @@ class Search:
     book=Config(),
     seconds=90,
     was="section-3.3.5",
+    claims_read={"domains": ("episodic cliff",)},
 )
 def searches(config: Config, context: Context) -> list[Search]:
     """Value of the best cross-task policy found by the thesis's GA and by exact gradients."""

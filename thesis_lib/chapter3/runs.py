@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, Literal
 
@@ -19,7 +19,9 @@ from thesis_lib.domains import Domain, continuing_cliff, episodic_cliff, stock, 
 from thesis_lib.edition.criteria import Pair, summary
 from thesis_lib.edition.experiment import Context, Returns, returns
 from thesis_lib.edition.plots import COLOURS, band
-from thesis_lib.mdp.learning import Method, learn
+from thesis_lib.mdp.batched import TaskBatch
+from thesis_lib.mdp.learning import Method
+from thesis_lib.mdp.sampling import loop_array
 from thesis_lib.potentials import Weighting
 from thesis_lib.potentials.cross_task_policy import (
     CrossTaskProblem,
@@ -79,12 +81,18 @@ class MuSearch:
     """p(x|m) of Q_mu; the stationary distribution "was found to work best in most cases"."""
 
     def policy(self, domain: Domain, seed: int) -> FloatArray:
-        """The cross-task policy, shape ``(O, A)``."""
-        problem = CrossTaskProblem(domain, self.objective)
-        rng = np.random.default_rng(seed)
-        if self.method == "ga":
-            return self.ga.search(problem, rng).policy
-        return gradient_ascent(problem, rng, restarts=self.restarts).policy
+        """The cross-task policy, shape ``(O, A)``; kept for the next result that wants it."""
+        key = domain.digest, replace(self, weights="stationary"), seed
+        if key not in _POLICIES:
+            problem = CrossTaskProblem(domain, self.objective)
+            rng = np.random.default_rng(seed)
+            if self.method == "ga":
+                found = self.ga.search(problem, rng).policy
+            else:
+                found = gradient_ascent(problem, rng, restarts=self.restarts).policy
+            found.flags.writeable = False
+            _POLICIES[key] = found
+        return _POLICIES[key]
 
     def potential(self, domain: Domain, seed: int) -> FloatArray:
         r"""The potential :math:`Q^\mu_d`, shape ``(O, A)``."""
@@ -96,6 +104,9 @@ class MuSearch:
         else:
             weights = potentials.pair_weights(domain, self.weights)
         return potentials.q_mu(domain, mu, weights)
+
+
+_POLICIES: dict[tuple[str, MuSearch, int], FloatArray] = {}
 
 
 def named_potentials(
@@ -169,22 +180,19 @@ def total_rewards(
     FloatArray
         Shape ``(cells, M, repeats)``.
     """
+    rows = [loop_array(index, np.int64) for index in domain.observation_index]
 
     def one(job: tuple[int, tuple[TabularLearner, FloatArray]]) -> FloatArray:
         i, (learner, phi) = job
         seeds = context.seeds(len(domain) * repeats, i)
-        rewards = np.empty((len(domain), repeats))
-        for m, task in enumerate(domain.tasks):
-            initial = domain.scatter(phi, m)
-            for r in range(repeats):
-                rewards[m, r] = learn(
-                    task,
-                    learner.method,
-                    **learner.settings,
-                    initial_q=initial,
-                    rng=np.random.default_rng(seeds[m * repeats + r]),
-                ).total_reward
-        return rewards
+        batch = TaskBatch(domain.tasks, rows, learner.method, **learner.settings)
+        return np.stack(
+            [
+                batch.total_rewards(phi, [np.random.default_rng(s) for s in seeds[r::repeats]])
+                for r in range(repeats)
+            ],
+            axis=1,
+        )
 
     return np.array(context.map(one, list(enumerate(cells)), label))
 

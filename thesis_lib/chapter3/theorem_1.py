@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -42,15 +43,18 @@ class Config:
     """Random initialisations, uniform between the least and the largest Q*."""
 
 
-def initialisations(
-    domain: Domain, tables: list[FloatArray], config: Config, rng: np.random.Generator
-) -> dict[str, list[FloatArray]]:
-    """The initialisations compared, by name; several where they are random or one a task.
+@cache
+def _solved(name: str, discount: float) -> tuple[Domain, list[FloatArray]]:
+    domain = DOMAINS[name](discount)
+    return domain, potentials.optimal_solutions(domain)
+
+
+def initialisations(domain: Domain, tables: list[FloatArray]) -> dict[str, list[FloatArray]]:
+    """The initialisations compared that are not random, by name; several where one a task.
 
     That of theorem 1, which depends on the precision, is added for each.
     """
-    stacked = domain.gather(tables)
-    low, high = float(np.nanmin(stacked)), float(np.nanmax(stacked))
+    high = float(np.nanmax(domain.gather(tables)))
     mean = potentials.cross_task_values(domain, tables)
     middle = theorem_1.midrange(domain, tables)
     shape = domain.shape
@@ -63,7 +67,6 @@ def initialisations(
         "zero": [np.zeros(shape)],
         "optimistic": [np.full(shape, high)],
         "constant": [np.full(shape, float(mean.mean()))],
-        "random": [rng.uniform(low, high, shape) for _ in range(config.n_random)],
     }
 
 
@@ -114,19 +117,29 @@ def sweeps(config: Config, context: Context) -> list[Sweeps]:
 
     def one(job: tuple[str, np.random.SeedSequence]) -> list[Sweeps]:
         name, seed = job
-        domain = DOMAINS[name](config.discount)
-        tables = potentials.optimal_solutions(domain)
-        scale = float(np.nanmax(np.abs(domain.gather(tables))))
+        domain, tables = _solved(name, config.discount)
+        stacked = domain.gather(tables)
+        low, high = float(np.nanmin(stacked)), float(np.nanmax(stacked))
         rng = np.random.default_rng(seed)
-        found = []
-        for label, fixed in initialisations(domain, tables, config, rng).items():
-            for relative in config.tolerances:
-                candidates = fixed or [_corrected(domain, tables, relative * scale)]
-                found.append(_measure(name, domain, tables, label, candidates, relative, scale))
-        return found
+        drawn = [rng.uniform(low, high, domain.shape) for _ in range(config.n_random)]
+        return [
+            *_exact(name, config.discount, tuple(config.tolerances)),
+            *(_measure(name, domain, tables, "random", drawn, r) for r in config.tolerances),
+        ]
 
     jobs = list(zip(config.domains, context.seeds(len(config.domains), 1), strict=True))
     return [r for records in context.map(one, jobs, "theorem 1") for r in records]
+
+
+@cache
+def _exact(name: str, discount: float, tolerances: tuple[float, ...]) -> tuple[Sweeps, ...]:
+    """Rows that no seed changes, kept for the next one."""
+    domain, tables = _solved(name, discount)
+    return tuple(
+        _measure(name, domain, tables, label, fixed, relative)
+        for label, fixed in initialisations(domain, tables).items()
+        for relative in tolerances
+    )
 
 
 def _corrected(domain: Domain, tables: list[FloatArray], tolerance: float) -> FloatArray:
@@ -141,10 +154,10 @@ def _measure(
     label: str,
     candidates: list[FloatArray],
     relative: float,
-    scale: float,
 ) -> Sweeps:
-    """One row of the table."""
-    tolerance = relative * scale
+    """One row of the table; without candidates, from theorem 1's corrected minimiser."""
+    tolerance = relative * float(np.nanmax(np.abs(domain.gather(tables))))
+    candidates = candidates or [_corrected(domain, tables, tolerance)]
     found = np.array([_sweeps(domain, tables, q0, tolerance) for q0 in candidates])
     held = [
         _held_out(domain, tables, m, label, tolerance)

@@ -125,6 +125,7 @@ class Selected(Rated):
     thesis=Config(runs=500, wide_runs=100),
     seconds=90,
     was="function-selection",
+    claims_read={"tasks_seen": (16,), "tests": 1},
 )
 def selected(config: Config, context: Context) -> list[Selected]:
     """Feature selection by linear functions and networks, where tables exist and where not."""

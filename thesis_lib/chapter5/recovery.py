@@ -55,6 +55,7 @@ class Run:
     book=Config(),
     seconds=37,
     was="recovery-5.1",
+    claims_read={"robots": ("Swimmer",)},
 )
 def runs(config: Config, context: Context) -> list[Run]:
     """Does an open-loop gait get as far after a struggle as from a fresh start?"""

@@ -2,6 +2,7 @@ r"""Multi-task domains :math:`d = \langle D, M\rangle` (section 3.2)."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -106,6 +107,19 @@ class Domain:
 
     def __len__(self) -> int:
         return len(self.tasks)
+
+    @cached_property
+    def digest(self) -> str:
+        """Of the tasks, what they share and D: domains made alike have the same."""
+        hashed = hashlib.sha256(self.distribution.tobytes())
+        for task, index in zip(self.tasks, self.observation_index, strict=True):
+            outcomes = task.outcomes()
+            hashed.update(repr((task.n_states, self.actions, task.discount)).encode())
+            for part in (outcomes.successor, outcomes.probability, outcomes.reward):
+                hashed.update(np.ascontiguousarray(part).tobytes())
+            for own in (task.start, task.terminal, index):
+                hashed.update(np.ascontiguousarray(own).tobytes())
+        return hashed.hexdigest()
 
     @property
     def actions(self) -> tuple[str, ...]:

@@ -147,6 +147,9 @@ class Experiment(Generic[ConfigT]):
         How long the book budget took on one core, in seconds.
     was
         What the experiment was called before, if it had another id.
+    claims_read
+        Changes of the config that leave out what no claim reads; with them its claims are judged
+        over roots.
     """
 
     id: str
@@ -157,6 +160,7 @@ class Experiment(Generic[ConfigT]):
     columns: Mapping[str, str]
     seconds: float
     was: str = ""
+    claims_read: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if set(self.budgets) != set(BUDGETS):
@@ -275,6 +279,7 @@ def experiment(
     seconds: float,
     columns: Mapping[str, str] | None = None,
     was: str = "",
+    claims_read: Mapping[str, Any] | None = None,
 ) -> Callable[[Callable[[ConfigT, Context], Any]], Experiment[ConfigT]]:
     """Make an experiment of a function from a config and a context to rows.
 
@@ -283,7 +288,7 @@ def experiment(
 
     Parameters
     ----------
-    identifier, item, seconds, was
+    identifier, item, seconds, was, claims_read
         See :class:`Experiment`.
     smoke, book, thesis
         The config at each budget; without ``thesis`` the thesis ran what the book does.
@@ -308,6 +313,7 @@ def experiment(
             columns=dict(columns or {}) if row is None else columns_of(row),
             seconds=seconds,
             was=was,
+            claims_read=claims_read or {},
         )
 
     return make

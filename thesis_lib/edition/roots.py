@@ -2,7 +2,8 @@
 
 A claim whose evidence is drawn is judged on several independent roots, the seeds 1 to n (the
 book's own pages show root 0).  Its verdict is the one that comes out in at least eight of ten,
-else inconclusive.  Evidence that no run draws is exact, and judged once.
+else inconclusive; once the roots left cannot change that, no more are made for it, so that
+"8 of 8" is as settled as "10 of 10".  Evidence that no run draws is exact, and judged once.
 
 ``thesis claims --seeds 10`` makes the tables, below ``_build/claims``, and judges them; killed,
 it goes on with the first table that is missing or was made by other code.  What it finds is
@@ -16,6 +17,7 @@ import dataclasses
 import hashlib
 import inspect
 import json
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
@@ -71,6 +73,11 @@ def _experiments() -> dict[str, Experiment[Any]]:
     return chapters.experiments()
 
 
+def _read_config(experiment: Experiment[Any], budget: str) -> Any:
+    """The config at a budget, without what no claim reads."""
+    return dataclasses.replace(experiment.config(budget), **experiment.claims_read)
+
+
 @dataclass(frozen=True)
 class Job:
     """One experiment on one root."""
@@ -96,7 +103,9 @@ class Job:
 
     def __call__(self) -> Job:
         """Make the table."""
-        result = _experiments()[self.experiment].run(self.budget, seed=self.root)
+        known = _experiments()[self.experiment]
+        config = _read_config(known, self.budget)
+        result = known.run(self.budget, config=config, seed=self.root)
         stamped = {**result.provenance, "code": self.code}
         dataclasses.replace(result, provenance=stamped).save(self.folder)
         return self
@@ -143,7 +152,7 @@ def code_of_table(experiment: Experiment[Any], budget: str) -> str:
     figure can be changed without making the table again.
     """
     function = experiment.function
-    return _digest([function], repr(experiment.config(budget)), reached=function)
+    return _digest([function], repr(_read_config(experiment, budget)), reached=function)
 
 
 def code_of_claim(claim: Claim, budget: str) -> str:
@@ -151,7 +160,7 @@ def code_of_claim(claim: Claim, budget: str) -> str:
     owner = getattr(claim.judge, "__self__", None)
     judge = owner.function if isinstance(owner, Criterion) else claim.judge
     known = [_experiments()[e] for e in claim.experiments]
-    configs = [repr(e.config(budget)) for e in known]
+    configs = [repr(_read_config(e, budget)) for e in known]
     return _digest([judge, *(e.function for e in known)], *claim.rests_on, *configs)
 
 
@@ -270,33 +279,43 @@ def judge_over(
     known = sorted((_experiments()[e] for e in needed), key=lambda e: -float(e.seconds))
     codes = {e.id: code_of_table(e, budget) for e in known}
 
-    def jobs(root: int) -> list[Job]:
-        # Which experiments draw at all is known from their first root.
-        drawn = [e for e in known if root == 1 or e.id in stochastic]
-        return [Job(e.id, root, budget, folder, codes[e.id]) for e in drawn]
-
+    found: dict[str, dict[int, Finding]] = {claim.id: {} for claim in claims}
     stochastic: set[str] = set()
-    make(jobs(1), workers, say)
-    stochastic = {job.experiment for job in jobs(1) if (job.provenance() or {})["drawn"]}
-    make([job for root in range(2, roots + 1) for job in jobs(root)], workers, say)
+    least = math.ceil(OverRoots.HOLDS * roots)
 
     def table(experiment: str, root: int) -> pd.DataFrame:
         chosen = root if experiment in stochastic else 1
         return load(experiment, Job(experiment, chosen, budget, folder, "").folder)[0]
 
-    judged = []
-    for claim in claims:
-        own = range(1, roots + 1) if stochastic & set(claim.experiments) else [0]
-        judged.append(
-            Judged(
-                claim,
-                {
-                    root: finding(claim, {e: table(e, root) for e in claim.experiments}, budget)
-                    for root in own
-                },
-            )
-        )
-    return judged
+    # Which experiments draw at all is known from their first root; no verdict holds before
+    # ``least`` of them.
+    for group in ([1], range(2, least + 1), *([r] for r in range(least + 1, roots + 1))):
+        going = [c for c in claims if not _decided(found[c.id], least, roots)]
+        wanted = {e for claim in going for e in claim.experiments}
+        jobs = [
+            Job(e.id, root, budget, folder, codes[e.id])
+            for root in group
+            for e in known
+            if e.id in wanted and (root == 1 or e.id in stochastic)
+        ]
+        make(jobs, workers, say)
+        if 1 in group:
+            stochastic |= {j.experiment for j in jobs if (j.provenance() or {})["drawn"]}
+
+        for claim in going:
+            drawn = not stochastic.isdisjoint(claim.experiments)
+            for root in group if drawn else [0] if 1 in group else []:
+                tables = {e: table(e, root) for e in claim.experiments}
+                found[claim.id][root] = finding(claim, tables, budget)
+    return [Judged(claim, found[claim.id]) for claim in claims]
+
+
+def _decided(findings: Mapping[int, Finding], least: int, roots: int) -> bool:
+    """Whether no verdict of the roots left can change what those so far come to."""
+    if 0 in findings:
+        return True
+    most = max(Counter(f.verdict for f in findings.values()).values(), default=0)
+    return most >= least or most + roots - len(findings) < least
 
 
 def save(judged: Sequence[Judged], budget: str, file: Path) -> dict[str, OverRoots]:

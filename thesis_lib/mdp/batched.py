@@ -1,4 +1,4 @@
-"""Many tasks learned in one compiled call, for experiments that need total rewards alone."""
+"""Many tasks learned again and again, for experiments that need total rewards alone."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class TaskBatch:
 
     The numbers are those of :func:`~thesis_lib.mdp.learning.learn` called on each task, to
     the last bit: the same compiled loop runs with the same random numbers.  What is saved is
-    all that Python does around it, and the interpreter's lock is free for the whole batch.
+    nearly all that Python does around it.
 
     Parameters
     ----------
@@ -82,17 +82,15 @@ class TaskBatch:
         samplers = [sampler(task) for task in tasks]
         self.n_tasks = len(tasks)
         self._shape = max(int(rows.max()) for rows in index) + 1, tasks[0].n_actions
-        self._tasks = (
-            tuple(s.successor for s in samplers),
-            tuple(s.cumulative for s in samplers),
-            tuple(s.reward for s in samplers),
-            tuple(s.terminal for s in samplers),
-            tuple(s.start for s in samplers),
-            tuple(s.start_cumulative for s in samplers),
-            tuple(np.require(rows, np.int64, ["C", "W"]) for rows in index),
-            np.array([task.discount for task in tasks]),
-            np.array([_reward_scale(t, s.reward) for t, s in zip(tasks, samplers, strict=True)]),
-        )
+        self._tasks = [
+            (
+                *(s.successor, s.cumulative, s.reward, s.terminal, s.start, s.start_cumulative),
+                float(task.discount),
+                np.require(rows, np.int64, ["C", "W"]),
+                _reward_scale(task, s.reward),
+            )
+            for task, s, rows in zip(tasks, samplers, index, strict=True)
+        ]
         self._rule = METHODS.index(method)
         self._rates = (
             schedule("alpha", alpha, length, unit, zero_allowed=False),
@@ -139,17 +137,10 @@ class TaskBatch:
                 f"there are {self.n_tasks} tasks and {len(rngs)} generators, but one a task is "
                 "needed."
             )
-        totals = np.empty(self.n_tasks)
-        _run_all(
-            self._rule,
-            *self._tasks,
-            values,
-            *self._rates,
-            *self._budget,
-            tuple(generator(rng) for rng in rngs),
-            totals,
+        own = (self._rule, values, *self._rates, *self._budget)
+        return np.array(
+            [_run_one(*own, *task, generator(g)) for task, g in zip(self._tasks, rngs, strict=True)]
         )
-        return totals
 
 
 def _reward_scale(task: MDP, reward: FloatArray) -> float:
@@ -174,50 +165,40 @@ def _largest(table):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy")
-def _run_all(  # type: ignore[no-untyped-def]
-    rule, successor, cumulative, reward, terminal, start, start_cumulative, index, discount, scale,
-    function, rate, explore, n_episodes, n_steps, rngs, totals,
+def _run_one(  # type: ignore[no-untyped-def]
+    rule, function, rate, explore, n_episodes, n_steps,
+    successor, cumulative, reward, terminal, start, start_cumulative, discount, rows, scale, rng,
 ):  # fmt: skip
-    """Run the loop of :func:`learn` on every task."""
-    A = function.shape[1]
-    ends = np.empty((ENDS, 3))
-    marks = np.empty(0)
-    numbers = np.empty((0, 2))
-    indices = np.empty((0, 2), np.int32)
-    for i in range(len(successor)):
-        rows = index[i]
-        S = rows.shape[0]
-        q = np.zeros((S, A))
-        for s in range(S):
-            if rows[s] >= 0:
-                q[s] = function[rows[s]]
+    """Total reward of the loop of :func:`learn` on one task."""
+    S, A = rows.shape[0], function.shape[1]
+    q = np.zeros((S, A))
+    for s in range(S):
         # ``learn`` clears terminal rows; an index of -1 stands for them here as well.
-        for s in range(S):
-            if terminal[i][s]:
-                q[s] = 0.0
-        phi = np.zeros((S, A))
-        pair = np.zeros((2, 0, 0))
-        if rule == DOUBLE_Q_LEARNING:
-            pair = np.zeros((2, S, A))
-            pair[0] = q
-            pair[1] = q
-        nothing = np.zeros((0, 0))
-        tie = RELATIVE_TIE * max(scale[i], _largest(q))
-        whole = np.array([0, -1, 0, 0, 0])
-        sums = np.zeros(2)
-        advised = q + phi
-        visits = np.zeros((S, A), np.int64)
-        while whole[2] != n_steps and whole[3] != n_episodes:
-            until = n_steps if n_steps >= 0 else whole[2] + STRETCH
-            _run(
-                rule, -1,
-                successor[i], cumulative[i], reward[i], terminal[i], start[i],
-                start_cumulative[i], discount[i],
-                q, phi, advised, pair, nothing, nothing, visits,
-                rate, explore, rate, False, tie,
-                n_episodes, n_steps, 0, 0,
-                whole, sums,
-                ends, marks, np.empty((0, S, A)), numbers, indices,
-                until, rngs[i],
-            )  # fmt: skip
-        totals[i] = sums[0]
+        if rows[s] >= 0 and not terminal[s]:
+            q[s] = function[rows[s]]
+    phi = np.zeros((S, A))
+    pair = np.zeros((2, 0, 0))
+    if rule == DOUBLE_Q_LEARNING:
+        pair = np.zeros((2, S, A))
+        pair[0] = q
+        pair[1] = q
+    nothing = np.zeros((0, 0))
+    tie = RELATIVE_TIE * max(scale, _largest(q))
+    whole = np.array([0, -1, 0, 0, 0])
+    sums = np.zeros(2)
+    advised = q + phi
+    visits = np.zeros((S, A), np.int64)
+    ends = np.empty((ENDS, 3))
+    while whole[2] != n_steps and whole[3] != n_episodes:
+        until = n_steps if n_steps >= 0 else whole[2] + STRETCH
+        _run(
+            rule, -1,
+            successor, cumulative, reward, terminal, start, start_cumulative, discount,
+            q, phi, advised, pair, nothing, nothing, visits,
+            rate, explore, rate, False, tie,
+            n_episodes, n_steps, 0, 0,
+            whole, sums,
+            ends, np.empty(0), np.empty((0, S, A)), np.empty((0, 2)), np.empty((0, 2), np.int32),
+            until, rng,
+        )  # fmt: skip
+    return sums[0]

@@ -145,7 +145,9 @@ class CrossTaskProblem:
 
         Unique for policies that give every action a positive probability, as a softmax does.
         """
-        chain, _ = self._under(policy)
+        return self._shares(self._under(policy)[0])
+
+    def _shares(self, chain: FloatArray) -> FloatArray:
         recurrent = self._restarted(chain)
         size = chain.shape[-1]
         # Replace one balance equation by normalisation.
@@ -179,7 +181,7 @@ class CrossTaskProblem:
         eye = np.eye(chain.shape[-1])
         system = eye - self._discount * chain
         values = np.linalg.solve(system, reward[..., None])[..., 0]
-        weights = self._start if self.objective == "start" else self.state_distribution(policy)
+        weights = self._start if self.objective == "start" else self._shares(chain)
         visits = np.linalg.solve(np.swapaxes(system, -1, -2), weights[..., None])[..., 0]
         onward = np.einsum("msat,mt->msa", self._transition, values)
         slope = visits[..., None] * (self._reward + self._discount * onward)

@@ -109,7 +109,7 @@ def fit_exponential(values: ArrayLike) -> ExponentialFit | None:
             f"all values are {data[0]:.6g}, but a constant has no decay to fit; take it as its own "
             "limit."
         )
-    fit = _fit((data - data[-1]) / span)
+    fit = _fit(((data - data[-1]) / span).tobytes())
     return None if fit is None else fit.scaled(float(data[-1]), span)
 
 
@@ -211,7 +211,10 @@ def check_alpha(alpha: Alpha, n: int) -> float:
     return float(value)
 
 
-def _fit(data: FloatArray) -> ExponentialFit | None:
+@lru_cache(maxsize=4096)
+def _fit(values: bytes) -> ExponentialFit | None:
+    """Fit to an array's bytes, kept for the next selector that sees the same curve."""
+    data = np.frombuffer(values)
     n = len(data)
     k = np.arange(1.0, n + 1)
 
@@ -219,8 +222,10 @@ def _fit(data: FloatArray) -> ExponentialFit | None:
         return theta[0] + theta[1] * np.exp(-theta[2] * k) - data
 
     def jacobian(theta: FloatArray) -> FloatArray:
-        decay = np.exp(-theta[2] * k)
-        return np.stack([np.ones(n), decay, -theta[1] * k * decay], axis=1)
+        slopes = np.ones((n, 3))
+        slopes[:, 1] = decay = np.exp(-theta[2] * k)
+        slopes[:, 2] = -theta[1] * k * decay
+        return slopes
 
     start = np.array([data[-1], (data[0] - data[-1]) * np.exp(0.5), 0.5])
     with np.errstate(over="ignore", invalid="ignore"):
