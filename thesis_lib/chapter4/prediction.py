@@ -23,6 +23,7 @@ from thesis_lib.chapter3.runs import TabularLearner
 from thesis_lib.chapter4.runs import Kept, SolvedDomain, Trial, solve_domain
 from thesis_lib.domains import Domain, continuing_cliff, stock, triangle
 from thesis_lib.domains.planted import random_domain, torus
+from thesis_lib.domains.toy_text import frozen_lakes, taxi
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import COLOURS
@@ -61,8 +62,11 @@ SETTINGS: Mapping[str, Setting] = {
     "stock G = 3": Setting(lambda: stock(1, 2, 3), _SHORT),
     "random MDPs": Setting(lambda: random_domain(303), _SHORT),
     "torus": Setting(torus, TabularLearner("q_learning", 0.5, 0.05, episodes=10)),
+    "frozen lakes": Setting(frozen_lakes, TabularLearner("q_learning", 0.5, 0.05, steps=1_000)),
+    "taxi": Setting(taxi, TabularLearner("q_learning", 0.5, 0.05, steps=1_000)),
 }
-"""Domains of the thesis and two families of ours; tasks share p(x|m) on stock and random MDPs."""
+"""Domains of the thesis, two families of ours and two made of Gymnasium's tasks; tasks share
+p(x|m) on stock and random MDPs."""
 
 METHODS: Mapping[str, Callable[[], Selector]] = {
     "all features": NoSelection,
