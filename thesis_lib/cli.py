@@ -156,22 +156,24 @@ class Claims:
         from thesis_lib.edition.ledger import select
 
         out = writable_directory(self.out or repository_root() / "_build" / "claims")
-        judged = roots.judge_over(
-            select(claims(), self.only),
-            self.seeds,
-            budget=check_budget(self.budget),
-            workers=self.workers,
-            work=self.results,
-            say=lambda line: print(line, flush=True),
-        )
-        found = roots.save(judged, self.budget, out / "verdicts.csv")
-        for j in judged:
-            over, first = found[j.claim.id], next(iter(j.findings))
-            told = (
-                f"root {first}: {j.findings[first].evidence}" if first else j.findings[0].evidence
+        chosen = select(claims(), self.only)
+        for part in roots.parts(chosen):
+            judged = roots.judge_over(
+                part,
+                self.seeds,
+                budget=check_budget(self.budget),
+                workers=self.workers,
+                work=self.results,
+                say=lambda line: print(line, flush=True),
             )
-            _print_claim(j.claim, f"{str(over.verdict).upper()} ({over.frequency})", told)
-        print(f"{len(judged)} claims, written to {out / 'verdicts.csv'}")
+            # What is judged is kept, whatever becomes of the rest.
+            found = roots.save(judged, self.budget, out / "verdicts.csv")
+            for j in judged:
+                over, first = found[j.claim.id], next(iter(j.findings))
+                evidence = j.findings[first].evidence
+                told = f"root {first}: {evidence}" if first else evidence
+                _print_claim(j.claim, f"{str(over.verdict).upper()} ({over.frequency})", told)
+        print(f"{len(chosen)} claims, written to {out / 'verdicts.csv'}")
         return 0
 
 

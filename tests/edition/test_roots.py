@@ -99,6 +99,14 @@ def test_no_more_roots_are_made_than_can_change_the_verdict(tmp_path):
     assert (over.verdict, over.frequency) == (REPRODUCED, "8 of 8")
 
 
+def test_claims_that_share_evidence_are_judged_together_the_cheapest_first(known):
+    known["drawn"] = replace(known["drawn"], seconds=9.0)
+    often, seldom, sure = CLAIMS
+    assert roots.parts([often, sure, seldom]) == [[sure], [often, seldom]]
+    both = replace(sure, id="both", experiments=("drawn", "fixed"))
+    assert roots.parts([often, sure, both]) == [[often, sure, both]]
+
+
 def test_what_no_claim_reads_is_left_out(tmp_path, known):
     known["drawn"] = replace(known["drawn"], claims_read={"low": 5.0})
     (first, *_) = judged(tmp_path, 1)
@@ -129,7 +137,9 @@ def test_code_counts_and_its_dress_does_not():
     plain = "def f(x):\n    return x + 1\n"
     dressed = '"""Module."""\n\n\ndef f(x):\n    """Adds."""\n    return x + 1  # one\n'
     figure = plain + "def g(x) -> Figure:\n    return x\n"
+    listed = plain + "RESULTS = ('f',)\n"
     other = plain + "def h(x):\n    return x\n"
+    assert roots._deciding(plain) == roots._deciding(listed)
     assert roots._deciding(plain) == roots._deciding(dressed) == roots._deciding(figure)
     assert roots._deciding(plain) != roots._deciding(other)
     assert roots._deciding(plain) != roots._deciding(plain.replace("1", "2"))
@@ -194,7 +204,7 @@ def test_a_script_without_a_guard_says_what_it_lacks(tmp_path):
     script.write_text(
         "from pathlib import Path\n"
         "from thesis_lib.edition.roots import Job, make\n"
-        f"make([Job('figure-3.3', 1, 'smoke', Path({str(tmp_path)!r}), '')], 2, print)\n"
+        f"make([Job('theorem-1', 1, 'smoke', Path({str(tmp_path)!r}), '')], 2, print)\n"
     )
     done = python(str(script))
     assert done.returncode == 1

@@ -5,9 +5,9 @@ book's own pages show root 0).  Its verdict is the one that comes out in at leas
 else inconclusive; once the roots left cannot change that, no more are made for it, so that
 "8 of 8" is as settled as "10 of 10".  Evidence that no run draws is exact, and judged once.
 
-``thesis claims --seeds 10`` makes the tables, below ``_build/claims``, and judges them; killed,
-it goes on with the first table that is missing or was made by other code.  What it finds is
-committed as ``results/claims/verdicts.csv``, which the pages read.
+``thesis claims --seeds 10`` makes the tables, below ``_build/claims``, and judges them, one group
+of claims after the other; killed, it goes on with the first table that is missing or was made by
+other code.  What it finds is committed as ``results/claims/verdicts.csv``, which the pages read.
 """
 
 from __future__ import annotations
@@ -111,6 +111,10 @@ class Job:
         return self
 
 
+POOL_PAYS = 30.0
+"""Seconds of work from which on several processes are started for it."""
+
+
 def make(jobs: Sequence[Job], workers: int, say: Callable[[str], None]) -> None:
     """Make the tables that are missing, in processes of their own if there are several workers."""
     missing = [job for job in jobs if job.provenance() is None]
@@ -119,7 +123,8 @@ def make(jobs: Sequence[Job], workers: int, say: Callable[[str], None]) -> None:
         seconds = (job.provenance() or {}).get("wall_seconds", 0.0)
         say(f"{job.experiment}, root {job.root}: {seconds:.0f} s ({done} of {len(missing)})")
 
-    if workers == 1:
+    work = sum(_experiments()[job.experiment].seconds for job in missing)
+    if workers == 1 or work < POOL_PAYS:
         for done, job in enumerate(missing, 1):
             told(job(), done)
         return
@@ -219,9 +224,11 @@ def _deciding(source: str, start: str = "") -> str:
 
 
 def _decides_nothing(node: ast.stmt) -> bool:
-    """Whether a statement is a docstring or the definition of a figure."""
+    """Whether a statement is a docstring, a figure's definition or the list of results."""
     if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
         return True
+    if isinstance(node, ast.Assign):
+        return ast.unparse(node.targets[0]) == "RESULTS"
     returns = node.returns if isinstance(node, ast.FunctionDef) else None
     return returns is not None and ast.unparse(returns) == "Figure"
 
@@ -233,6 +240,19 @@ class Judged:
 
     claim: Claim
     findings: Mapping[int, Finding]
+
+
+def parts(claims: Iterable[Claim]) -> list[list[Claim]]:
+    """Claims in groups that share no evidence, the cheapest to make first."""
+    groups: list[tuple[set[str], list[Claim]]] = []
+    for claim in claims:
+        own = set(claim.experiments)
+        shared = [g for g in groups if g[0] & own]
+        groups = [g for g in groups if not g[0] & own]
+        members = [c for _, those in shared for c in those]
+        groups.append((own.union(*(e for e, _ in shared)), [*members, claim]))
+    groups.sort(key=lambda g: sum(_experiments()[e].seconds for e in g[0]))
+    return [members for _, members in groups]
 
 
 def judge_over(
