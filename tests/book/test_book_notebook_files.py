@@ -1,6 +1,7 @@
 """The notebooks as committed: stripped, readable, with parameters, and all in the book."""
 
 import re
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +10,21 @@ import pytest
 import yaml
 from nbconvert import ScriptExporter
 
-from thesis_lib.book.sources import code_cells, parameter_names, read
+from thesis_lib.book.sources import TAKEAWAY_TAG, code_cells, parameter_names, read
+from thesis_lib.book.thesis_numbers import thesis_number
 from thesis_lib.edition.page import assigned_names
 
 ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 READABLE = re.compile(r"[a-z]+[a-z0-9]*(-[a-z0-9]+)*")
 RANDOM = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){0,3}")
+SECTIONS = """
+2.1 2.2 2.3 2.3.1 2.3.2 2.3.3 2.3.4 2.3.5 2.4
+3.1 3.2 3.3 3.3.1 3.3.2 3.3.3 3.3.4 3.3.5 3.3.6 3.4 3.4.1 3.4.2 3.4.3 3.4.4 3.5 3.5.1 3.5.2 3.6
+4.1 4.1.1 4.1.2 4.2 4.3 4.3.1 4.4 4.5
+5.1 5.1.1 5.2 5.2.1 5.2.2 5.2.3 5.2.4 5.2.5 5.3 5.4 5.5 5.5.1 5.5.2 5.6 5.7
+"""
+"""Of the thesis's chapters 2 to 5."""
 
 
 def test_toc_covers_every_notebook_and_nothing_else() -> None:
@@ -75,7 +84,7 @@ class TestNotebook:
         prose = "\n".join(c.source for c in notebook.cells if c.cell_type == "markdown")
         outside = re.sub(r"(?ms)^(`{3,}|:{3,}).*?^\1\s*$", "", prose)
         assert len(re.findall(r"(?m)^# ", outside)) == 1
-        assert re.match(r"\(ch-[a-z0-9-]+\)=\n# ", notebook.cells[0].source)
+        assert re.match(r"\(ch-[a-z0-9-]+\)=\n(\(sec-[a-z0-9-]+\)=\n)?# ", notebook.cells[0].source)
 
     def test_figures_have_a_name_a_caption_and_alternative_text(
         self, path: Path, notebook: Any
@@ -87,3 +96,31 @@ class TestNotebook:
                 assert options["image"]["alt"].strip(), cell.id
             elif "plt.show()" in cell.source:
                 pytest.fail(f"{cell.id} shows a figure without name, caption and alt")
+
+    def test_numbers_in_headings_are_sections_of_the_thesis(
+        self, path: Path, notebook: Any
+    ) -> None:
+        prose = "\n".join(c.source for c in notebook.cells if c.cell_type == "markdown")
+        for heading in re.findall(r"(?m)^#+ (\d.*)", prose):
+            for number in re.findall(r"\d[\d.]*\d", heading.partition("Figure")[0]):
+                assert number in re.findall(r"\S+", SECTIONS), heading
+                assert int(number[0]) == thesis_number(path.stem), heading
+
+    def test_ends_with_what_is_next_and_what_to_take_away(self, path: Path, notebook: Any) -> None:
+        *_, before, last = notebook.cells
+        assert last.metadata.tags == [TAKEAWAY_TAG]
+        assert "{eval}`" in last.source
+        assert re.search(r"\*\*Next\*\*: \[", before.source.splitlines()[-1])
+
+    def test_says_how_long_it_takes(self, path: Path, notebook: Any) -> None:
+        first, *others = code_cells(notebook)
+        minutes = re.search(r"# Takes about (\d+) minutes? at budget", first.source)
+        assert minutes
+        number = thesis_number(path.stem)
+        chapter = f"chapter{number}" if isinstance(number, int) else f"appendix_{number}".lower()
+        runs = {r for c in others for r in re.findall(r"page\.run\((\w+)\.(\w+)\)", c.source)}
+        told = sum(
+            getattr(import_module(f"thesis_lib.{chapter}.{module}"), name).seconds
+            for module, name in runs
+        )
+        assert told / 60 <= int(minutes[1]) <= told / 60 + 2

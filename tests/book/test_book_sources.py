@@ -4,7 +4,7 @@ import nbformat
 import pytest
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 
-from thesis_lib.book.sources import merge, with_values
+from thesis_lib.book.sources import TAKEAWAY_TAG, merge, with_values
 from thesis_lib.book.thesis_numbers import thesis_number
 
 
@@ -32,6 +32,13 @@ def test_merge_takes_prose_from_the_source_and_outputs_from_the_run() -> None:
     assert [cell.source for cell in merged.cells] == ["budget = 'smoke'", "new", "print(1)"]
     assert merged.cells[2].outputs[0].text == "1\n"
     assert source.cells[2].outputs == []  # the source is left as it was
+
+
+def test_what_to_take_away_comes_after_the_title() -> None:
+    source = notebook("prose", executed=False)
+    source.cells.append(new_markdown_cell("in short", metadata={"tags": [TAKEAWAY_TAG]}))
+    title, *others, told = source.cells
+    assert merge(source, None, {}).cells == [title, told, *others]
 
 
 def test_merge_without_a_run_is_the_source() -> None:

@@ -141,11 +141,10 @@ def test_names_in_prose_lead_to_the_reference(html: Path) -> None:
 
 
 def test_items_have_the_numbers_of_the_thesis(html: Path) -> None:
-    chapter = page(html, "notebooks/ch03_potentials")
-    figure = chapter.find(id="fig-ch3-figure-3-1")
+    figure = page(html, "notebooks/ch03_evaluation").find(id="fig-ch3-figure-3-1")
     assert figure
     assert figure.select_one(".caption-number").get_text().strip() == "Fig. 3.1"
-    equation = chapter.find(id="equation-eq-ch3-q-star")
+    equation = page(html, "notebooks/ch03_potentials").find(id="equation-eq-ch3-q-star")
     assert equation
     assert "(3.6)" in equation.get_text()
 
@@ -340,7 +339,7 @@ class TestInTheBrowser:
         assert opened.locator("table.ledger tbody tr:visible").count() > 100
         assert opened.locator(".ledger-filter").count() == 0
         opened.goto(f"{tab.site}/book/play.html")
-        assert opened.locator("div.chart img:visible").count() == 4
+        assert opened.locator("div.chart img:visible").count() == 5
 
     def test_a_slider_moves_its_chart(self, tab: Tab) -> None:
         opened = tab.open("book/play.html")

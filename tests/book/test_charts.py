@@ -56,6 +56,17 @@ def test_the_best_policy_huddles_where_exploring_is_dangerous(
     assert (place == (3, 0)) is arrives
 
 
+def test_learners_find_the_goal_and_q_learning_the_shortest_way() -> None:
+    last = [row for row in rows(charts.paths()) if row.get("doubled") == 9]
+    on = {(row["x"], row["y"]) for row in last if row["on"]}
+    edge = {(0, 0), (0, 1), (1, 1), (2, 1), (3, 1)}  # past the cliff to the goal at (3, 0)
+    assert {(x, y) for x, y in on if x < 4 and y < 4} == edge  # shaped
+    assert {(x, y - 5) for x, y in on if x < 4 and y > 4} == edge
+    # Sarsa keeps away from at least one of the two cells above the cliff.
+    assert not {(6, 1), (7, 1)} <= on
+    assert not {(6, 6), (7, 6)} <= on
+
+
 def test_every_robot_has_nine_networks() -> None:
     nets = defaultdict(set)
     for row in rows(charts.learning()):

@@ -7,7 +7,7 @@ import nbformat
 import numpy as np
 import pytest
 
-NOTEBOOK = Path(__file__).resolve().parents[2] / "notebooks" / "ch02_background.ipynb"
+NOTEBOOK = Path(__file__).resolve().parents[2] / "notebooks" / "ch02_networks.ipynb"
 
 
 @pytest.fixture(scope="module")

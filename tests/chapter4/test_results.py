@@ -8,7 +8,7 @@ from thesis_lib import chapter4
 from thesis_lib.edition.ledger import Verdict, read_chapter
 
 CHAPTER = read_chapter(chapter4)
-NOTEBOOK = Path(__file__).resolve().parents[2] / "notebooks" / "ch04_relevance.ipynb"
+NOTEBOOKS = (Path(__file__).resolve().parents[2] / "notebooks").glob("ch04_*.ipynb")
 
 
 @pytest.mark.parametrize("experiment", CHAPTER.experiments, ids=lambda e: e.id)
@@ -36,7 +36,7 @@ def test_every_difference_can_be_told(difference, smoke):
 def test_the_ledger_has_every_row_and_says_where_it_is_shown():
     assert len(CHAPTER.claims) == 63
     assert len(CHAPTER.differences) == 29
-    text = NOTEBOOK.read_text(encoding="utf-8")
+    text = "".join(file.read_text(encoding="utf-8") for file in NOTEBOOKS)
     for row in (*CHAPTER.claims, *CHAPTER.differences):
         assert f"({row.at})=" in text, row.id
     for claim in CHAPTER.claims:

@@ -10,7 +10,7 @@ import pandas as pd
 from thesis_lib.book.charts import charts
 from thesis_lib.book.environments import environments_markdown
 from thesis_lib.book.execution import Run
-from thesis_lib.book.films import films_markdown, listed
+from thesis_lib.book.films import film_markdown, films_markdown, listed
 from thesis_lib.book.ledger import (
     differences_markdown,
     findings_markdown,
@@ -20,7 +20,6 @@ from thesis_lib.book.ledger import (
     scoreboard_markdown,
 )
 from thesis_lib.book.thesis_items import ITEMS, items_markdown, read_items
-from thesis_lib.book.thesis_numbers import thesis_number
 from thesis_lib.edition.chapters import differences
 from thesis_lib.edition.saved import saved
 from thesis_lib.edition.scoreboard import judge_all
@@ -51,6 +50,7 @@ def generated(
         "differences.md": differences_markdown(differences(), results),
         "map.md": items_markdown(read_items(root / ITEMS), judged),
         "films.md": films_markdown(listed(root)),
+        "front.md": film_markdown(listed(root)[0], moving=True),
         **charts(),
         "environments.md": environments_markdown(),
         "status.md": status_markdown([runs[name] for name in sorted(runs)]),
@@ -78,7 +78,7 @@ def status_markdown(runs: Sequence[Run]) -> str:
     for run in runs:
         m = run.manifest
         lines.append(
-            f"| {{doc}}`{_chapter(m['name'])} <../notebooks/{m['name']}>` "
+            f"| {{doc}}`../notebooks/{m['name']}` "
             f"| {m['parameters']['budget']} "
             f"| {m['parameters']['seed']} | {_duration(m['seconds'])} "
             f"| {m['started'][:10]} | {_short_commit(m['commit'])} | {m['digest'][:8]} |"
@@ -125,14 +125,6 @@ def drills_markdown(drills: pd.DataFrame) -> str:
         ),
     ]
     return "\n".join([*lines, "::::", ""])
-
-
-def _chapter(name: str) -> str:
-    """What the thesis calls a notebook's chapter, such as ``chapter 3`` or ``appendix A``."""
-    number = thesis_number(name)
-    if number is None:
-        return name
-    return f"{'chapter' if isinstance(number, int) else 'appendix'} {number}"
 
 
 def _duration(seconds: float) -> str:

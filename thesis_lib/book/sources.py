@@ -13,6 +13,9 @@ from thesis_lib.edition.page import assigned_names
 
 PARAMETERS_TAG = "parameters"
 
+TAKEAWAY_TAG = "takeaway"
+"""Of the cell that sums a notebook up: computed at its end, and shown at its head."""
+
 
 def read(path: Path) -> Any:
     """Read a notebook and check that the build can run it.
@@ -107,4 +110,7 @@ def merge(source: Any, executed: Any | None, values: dict[str, object]) -> Any:
         cells[0].source = with_values(cells[0].source, values)
     for cell in merged.cells:
         inline.fill(cell, known.get(cell.id, {}))
+    told = [cell for cell in merged.cells if TAKEAWAY_TAG in cell.metadata.get("tags", ())]
+    title, *others = [cell for cell in merged.cells if cell not in told]
+    merged.cells = [title, *told, *others]
     return merged

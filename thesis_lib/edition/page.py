@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import ast
 import os
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import ModuleType
@@ -30,7 +31,6 @@ from thesis_lib.edition import roots
 from thesis_lib.edition.experiment import Experiment, check_budget, check_seed
 from thesis_lib.edition.ledger import (
     SMOKE_TELLS_NOTHING,
-    Chapter,
     Claim,
     Difference,
     Finding,
@@ -228,8 +228,11 @@ class Page:
         Root of every random number of the page, a nonnegative integer.
     workers
         Number of threads an experiment may use; it never changes a result.
+    chapter
+        The package whose claims the page judges, such as ``thesis_lib.chapter3``; those of the
+        modules that the notebook has imported, as a chapter has several notebooks.
     claims, differences
-        Of the page's chapter, by id.
+        Of these modules, by id.
     tables
         What :meth:`run` has made so far, by experiment id.
     over
@@ -239,8 +242,9 @@ class Page:
     budget: str
     seed: int = 0
     workers: int = 1
-    claims: Mapping[str, Claim] = field(default_factory=dict, repr=False)
-    differences: Mapping[str, Difference] = field(default_factory=dict, repr=False)
+    chapter: ModuleType | None = None
+    claims: dict[str, Claim] = field(default_factory=dict, repr=False)
+    differences: dict[str, Difference] = field(default_factory=dict, repr=False)
     tables: dict[str, pd.DataFrame] = field(default_factory=dict, repr=False)
     over: Mapping[str, OverRoots] = field(default_factory=dict, repr=False)
 
@@ -280,10 +284,22 @@ class Page:
         ValueError
             If there is no such claim, or an experiment it rests on has not been run above.
         """
+        self._read()
         if claim not in self.claims:
-            raise ValueError(f"this chapter has no claim {claim!r}; see its claims.toml.")
+            raise ValueError(
+                f"the modules imported above have no claim {claim!r}; see claims.toml."
+            )
         self._need(claim, self.claims[claim].experiments)
         return finding(self.claims[claim], self.tables, self.budget)
+
+    def _read(self) -> None:
+        """Learn of the claims and differences of the modules imported by now."""
+        if self.chapter is not None:
+            package = self.chapter.__name__
+            loaded = [n for n in self.chapter.RESULTS if f"{package}.{n}" in sys.modules]
+            found = read_chapter(self.chapter, loaded)
+            self.claims.update({claim.id: claim for claim in found.claims})
+            self.differences.update({row.id: row for row in found.differences})
 
     def _need(self, name: str, experiments: Sequence[str]) -> None:
         missing = [e for e in experiments if e not in self.tables]
@@ -292,6 +308,7 @@ class Page:
 
     def effect(self, difference: str) -> str:
         """What a difference from the thesis changes, told from the tables of this page."""
+        self._read()
         row = self.differences[difference]
         if isinstance(row.effect, str):
             return row.effect
@@ -318,11 +335,22 @@ class Page:
     table = staticmethod(table)
 
     def verdicts(self, *prefixes: str) -> pd.DataFrame:
-        """Claims whose ids start so, or all: columns ``claim``, ``verdict``, ``evidence``.
+        """Claims whose ids start so: columns ``claim``, ``verdict``, ``evidence``.
 
-        The verdict is the one over roots, with its frequency; the evidence that of this page.
+        Without prefixes, all for which the page has run the experiments.  The verdict is the
+        one over roots, with its frequency; the evidence that of this page.
         """
-        found = [self._judged(name) for name in self.claims if name.startswith(prefixes or "")]
+        self._read()
+        wanted = [
+            name
+            for name, claim in self.claims.items()
+            if (
+                name.startswith(prefixes)
+                if prefixes
+                else self.tables.keys() >= {*claim.experiments}
+            )
+        ]
+        found = [self._judged(name) for name in wanted]
         return pd.DataFrame(
             [(j.claim.statement, j.told(), j.finding.evidence) for j in found],
             columns=["claim", "verdict", "evidence"],
@@ -332,7 +360,6 @@ class Page:
 def start(
     namespace: Mapping[str, Any],
     chapter: ModuleType | None = None,
-    results: Sequence[str] | None = None,
 ) -> Page:
     """Check the parameters of the running notebook and prepare its session.
 
@@ -343,8 +370,6 @@ def start(
         parameters cell, and IPython's record of the cells run so far.
     chapter
         The chapter whose claims the page judges, such as ``thesis_lib.chapter3``.
-    results
-        Those of the chapter's modules that the page is about, where it has another page too.
 
     Returns
     -------
@@ -362,11 +387,8 @@ def start(
             f"the parameters cell did not set {', '.join(missing)}; run it before this cell."
         )
     _check_injected(namespace.get("In", ()))
-    found = Chapter((), (), ()) if chapter is None else read_chapter(chapter, results)
     page = Page(
-        *(namespace["budget"], namespace["seed"], namespace["workers"]),
-        claims={claim.id: claim for claim in found.claims},
-        differences={row.id: row for row in found.differences},
+        *(namespace["budget"], namespace["seed"], namespace["workers"], chapter),
         over=roots.read(),
     )
 
