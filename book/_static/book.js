@@ -8,6 +8,11 @@ window.addEventListener("load", () => {
 });
 
 window.addEventListener("DOMContentLoaded", () => {
+  // What unfolds the pages below another has no name either.
+  for (const fold of document.querySelectorAll(".bd-sidebar-primary summary")) {
+    const page = fold.closest("li").querySelector("a").textContent.trim();
+    fold.setAttribute("aria-label", `Pages of ${page}`);
+  }
   // The bibliography is no list by its children's roles.
   document.querySelectorAll(".citation-list[role=list]").forEach((e) => e.removeAttribute("role"));
   // A figure opens in its own size, so that its small print can be read on a phone.

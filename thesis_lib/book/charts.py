@@ -16,10 +16,13 @@ import altair as alt
 import numpy as np
 import pandas as pd
 
-from thesis_lib.domains.cliff import continuing_cliff, layouts
+from thesis_lib.chapter2 import one_cliff
+from thesis_lib.domains.cliff import continuing_cliff, episodic_cliff, layouts
 from thesis_lib.edition.plots import COLOURS
 from thesis_lib.edition.saved import saved
+from thesis_lib.mdp.learning import learn
 from thesis_lib.mdp.planning import soft_policy_iteration
+from thesis_lib.potentials import q_tilde
 from thesis_lib.selection.fitting import fit_inverse, fstek_threshold
 from thesis_lib.selection.jackknife import f_threshold
 
@@ -121,6 +124,61 @@ def huddle() -> alt.Chart:
     return (squares + corners.encode(text="name:N") + arrows).add_params(explored)
 
 
+def paths() -> alt.Chart:
+    """What two learners have learned of the cliff after ever more episodes, shaped and not."""
+    layout, task, domain = one_cliff.layout(), one_cliff.task(), episodic_cliff(sensor=False)
+    phi = domain.scatter(q_tilde(domain, epsilon=0.1), 0)
+    rates: Mapping[one_cliff.Algorithm, float] = {"q_learning": 1.0, "sarsa": 0.4}
+    names = {layout.start: "S", layout.goal: "G", **dict.fromkeys(layout.cliff, "cliff")}
+    rows: list[dict[str, Any]] = []
+    for (column, (algorithm, alpha)), shaped in product(enumerate(rates.items()), (True, False)):
+        left, low = 5 * column, 0 if shaped else 5
+        told = f"{one_cliff.LEARNERS[algorithm]}, {'shaped' if shaped else 'unshaped'}"
+        rows.append({"x": left, "y": low + 4, "heading": told})
+        cells = [layout.cell(s) for s in range(task.n_states)]
+        rows += [{"x": left + x, "y": low + y, "name": names.get((x, y), "")} for x, y in cells]
+        for doubled in range(10):
+            run = learn(
+                *(task, algorithm),
+                **{"alpha": alpha, "epsilon": 0.1, "episodes": 2**doubled, "rng": 0},
+                initial_q=phi * shaped,
+            )
+            path = one_cliff.greedy_path(task, run.q).states
+            rows += [
+                {
+                    **{"x": left + x, "y": low + y, "doubled": doubled, "on": s in path},
+                    "move": "↑→↓←"[run.q[s].argmax()],
+                }
+                for s, (x, y) in enumerate(cells)
+                if names.get((x, y), "") in ("", "S")
+            ]
+    episodes = _slider("doubled", 3, "episodes, 2 to the ", min=0, max=9, step=1)
+    place = alt.Chart(pd.DataFrame(rows)).encode(
+        x=alt.X("x:O", axis=None, scale=alt.Scale(domain=[*range(9)])),
+        y=alt.Y("y:O", axis=None, scale=alt.Scale(domain=[*range(9, -1, -1)])),
+    )
+    squares = place.transform_filter("isValid(datum.name)").mark_rect(stroke="#999999")
+    squares = squares.encode(
+        color=alt.condition("datum.name == 'cliff'", alt.value("#555555"), alt.value("white"))
+    )
+    corners = place.transform_filter("datum.name == 'S' || datum.name == 'G'").mark_text(
+        size=9, dx=-11, dy=-11
+    )
+    headings = place.transform_filter("isValid(datum.heading)").mark_text(
+        align="left", dx=-16, dy=10
+    )
+    arrows = place.transform_filter("isValid(datum.move) && datum.doubled == doubled")
+    return (
+        squares
+        + corners.encode(text="name:N")
+        + headings.encode(text="heading:N")
+        + arrows.mark_text(size=20, fontWeight="bold").encode(
+            text="move:N",
+            color=alt.condition("datum.on", alt.value("#D55E00"), alt.value("#999999")),
+        )
+    ).add_params(episodes)
+
+
 def learning() -> alt.Chart:
     """Learning curves of nine networks, a robot at a time."""
     curves = saved("learning/curves").table
@@ -152,6 +210,7 @@ def learning() -> alt.Chart:
 CHARTS: Mapping[str, tuple[Callable[[], alt.Chart], str]] = {
     "law": (law, "k-relevance over k: the law, and the exponential through its first values"),
     "threshold": (threshold, "F-ratio up to which FS-TEK removes a feature, over tasks seen"),
+    "paths": (paths, "Four grids of the cliff with what two learners would do in each cell"),
     "huddle": (huddle, "The cliff's grid with the best action of each cell as an arrow"),
     "learning": (learning, "Mean return over control steps for nine networks"),
 }
@@ -166,7 +225,7 @@ def charts() -> dict[str, str]:
     for name, (make, words) in CHARTS.items():
         chart = make().configure(background="white", font="DejaVu Sans")
         chart = chart.configure_range(category=list(COLOURS))
-        square = name == "huddle"
+        square = name in ("huddle", "paths")
         spec = chart.properties(width=HEIGHT if square else WIDTH, height=HEIGHT).to_dict()
         made[f"chart-{name}.svg"] = vl_convert.vegalite_to_svg(spec)
         moving = spec if square else {**spec, "width": "container"}

@@ -114,11 +114,14 @@ def films_markdown(films: Iterable[Film]) -> str:
     return "\n\n".join(map(film_markdown, films)) + "\n"
 
 
-def film_markdown(film: Film) -> str:
-    """A film with controls and its still, for a page in ``book/``; a print shows the still."""
+def film_markdown(film: Film, *, moving: bool = False) -> str:
+    """A film with controls and its still, for a page in ``book/``; a print shows the still.
+
+    One that is ``moving`` plays by itself, unless its reader asked for stillness.
+    """
     source, words = f"../_static/films/{film.name}", html.escape(film.caption)
     return f"""```{{raw}} html
-<figure class="film">
+<figure class="film{" moving" * moving}">
 <video controls muted loop playsinline preload="none" poster="{source}.jpg" aria-label="{words}">
 <source src="{source}.mp4" type="video/mp4">
 </video>

@@ -9,6 +9,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
 from thesis_lib.edition.plots import COLOURS, PRINTED, band
@@ -29,7 +30,7 @@ SYMBOLS: Mapping[str, str] = {
 COLOUR: Mapping[str, str] = {
     **{"fs-tek": COLOURS[0], "fs-tek schedule": COLOURS[5], "ibkr": COLOURS[1]},
     **{"jackknife": COLOURS[2], "jackknife box": COLOURS[4], "fixed": COLOURS[7]},
-    **{"random": COLOURS[4], "none": "#7f7f7f", "constant": COLOURS[3]},
+    **{"random": COLOURS[4], "none": "#404040", "constant": COLOURS[3]},
 }
 DASH: Mapping[str, str] = {"none": ":", "constant": "--", "fixed": "-.", "random": ":"}
 MARKER: Mapping[str, str] = {"fs-tek": "o", "ibkr": "s", "jackknife": "^", "fs-tek schedule": "v"}
@@ -37,8 +38,11 @@ MARKER: Mapping[str, str] = {"fs-tek": "o", "ibkr": "s", "jackknife": "^", "fs-t
 PM = "\u00a0± "
 """Between a number and its half-width: a narrow cell breaks after the sign, not before."""
 
-ABOVE, BELOW = (1.0, 3.5), (1.0, -8.5)
-"""Where numbers stand beside a marker, in points."""
+BESIDE: Mapping[str, tuple[float, float]] = {
+    **{"fs-tek": (1.0, 3.5), "fs-tek schedule": (-9.0, 3.5)},
+    **{"ibkr": (-9.0, -8.5), "jackknife": (1.0, -8.5)},
+}
+"""Where a method's numbers stand beside its markers, in points: each in a corner of its own."""
 
 
 def two_rates(rows: pd.DataFrame) -> pd.Series:
@@ -54,6 +58,8 @@ def returns(ax: Axes, table: pd.DataFrame, unit: float = 1.0) -> None:
             "color": COLOUR[name],
             "ls": DASH.get(name, "-"),
             "label": SYMBOLS[name],
+            # Where a method removes nothing, its curve lies on that of no selection.
+            "zorder": 4 if name == "none" else 2,
         }
         band(ax, own.sort_values("tasks_seen"), "tasks_seen", unit, lw=1.6, **look)
     ax.set_xlabel("tasks seen")
@@ -82,7 +88,7 @@ def roc(
         own = table[table.method == method].sort_values("tasks_seen")
         look: dict[str, Any] = {"color": COLOUR[method], "marker": MARKER.get(method, "d")}
         ax.plot(own.fpr, own.tpr, ms=4, lw=0.8, label=SYMBOLS[method], **look)
-        _number(ax, own, COLOUR[method], BELOW if method in ("ibkr", "jackknife") else ABOVE, near)
+        _number(ax, own, COLOUR[method], BESIDE.get(method, (1.0, 3.5)), near)
     if printed is not None:
         ax.plot(*printed, "D", color=PRINTED, ms=6, label="thesis, 5 tasks", ls="none")
     ax.set(xlabel="false positive rate", ylabel="true positive rate")
@@ -103,7 +109,8 @@ def _number(
         )
         text = str(first) if count == 1 else f"{first}–{points[count - 1][2]}"
         where: dict[str, Any] = {"xytext": offset, "textcoords": "offset points"}
-        ax.annotate(text, (x, y), fontsize=6, color=colour, **where)
+        halo = [withStroke(linewidth=1.5, foreground="white")]
+        ax.annotate(text, (x, y), fontsize=6, color=colour, path_effects=halo, **where)
         points = points[count:]
 
 
