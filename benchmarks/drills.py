@@ -394,7 +394,7 @@ DRILLS = {
 NAMES = {name: f"thesis {name}" for name in DRILLS} | {"others": "other commands"}
 
 
-def keep(rows: list[dict[str, Any]], out: Path, given: Sequence[str]) -> None:
+def keep(rows: list[dict[str, Any]], out: Path) -> None:
     """Replace the rows of the commands that were drilled in a table with its provenance."""
     folder = writable_directory(out)
     table, file = pd.DataFrame(rows), folder / "drills.csv"
@@ -406,12 +406,13 @@ def keep(rows: list[dict[str, Any]], out: Path, given: Sequence[str]) -> None:
             key=lambda c: c.map(list(NAMES.values()).index),
             kind="stable",
         )
+    names = set(table.command)
     with replacing(file) as temporary:
         table.to_csv(temporary, index=False)
     record = {
         "id": "drills",
         "title": "Fault drills.",
-        "command": " ".join(["benchmarks/drills.py", *given]),
+        "command": " ".join(["benchmarks/drills.py", *(n for n in DRILLS if NAMES[n] in names)]),
         "columns": DESCRIBED,
         "rows": len(table),
         **environment(),
@@ -444,7 +445,7 @@ def main() -> int:
                 rows[-1] |= made
                 print(f"{rows[-1]['command']:14} {drill:38} {good} of {of}", flush=True)
     if asked.out:
-        keep(rows, asked.out, sys.argv[1:])
+        keep(rows, asked.out)
     return int(any(row["good"] < row["of"] for row in rows))
 
 

@@ -214,6 +214,12 @@ def test_a_terminal_that_cannot_show_every_letter():
         assert done.stdout == f"k-relevance {shown}, end\n"
 
 
+def test_a_backend_of_matplotlibs_that_there_is_not(tmp_path):
+    arguments = ["run", "figure-a.1", "--budget", "smoke", "--out", str(tmp_path)]
+    done = python("-m", "thesis_lib.cli", *arguments, env={"MPLBACKEND": "nonsense"})
+    assert done.returncode == 0, done.stderr
+
+
 def test_every_file_is_read_and_written_as_utf_8():
     """A locale of another encoding would read formulas as something else."""
     for file in (ROOT / "thesis_lib").rglob("*.py"):
@@ -250,4 +256,5 @@ def test_a_checkout_that_cannot_be_written_to(command, tmp_path):
         said = done.stderr.splitlines()[-1]  # after matplotlib's own on its settings
         assert said.startswith("thesis: ")
         assert str(copy) in said
+        assert ("--out" in said) == (command == "run")
         assert "Traceback" not in done.stderr

@@ -281,6 +281,7 @@ def _manners() -> Iterator[None]:
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of the command ``thesis``; returns the exit status."""
     arguments = list(sys.argv[1:] if argv is None else argv)
+    os.environ.pop("MPLBACKEND", None)  # pictures go to files, whatever a user's screen can show
     with _manners():
         return _main(arguments)
 
@@ -331,7 +332,8 @@ def _main(arguments: list[str]) -> int:
         if error.errno in FULL:
             way_out = "make room and give the command again; no file was left half written"
         elif error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-            way_out = "work in a copy that you may write to, or choose where to with --out"
+            way_out = "work in a copy that you may write to"
+            way_out += "" if arguments[0] == "book" else ", or choose where to with --out"
         else:
             way_out = "see to it and give the command again"
         print(f"thesis: cannot use{where} ({error.strerror}): {way_out}.", file=sys.stderr)

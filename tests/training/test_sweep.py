@@ -1,5 +1,6 @@
 """Sweeps: every run as if it were alone, whatever happens to the others."""
 
+import contextlib
 import dataclasses
 import errno
 import fcntl
@@ -25,6 +26,7 @@ from scipy import stats
 
 from thesis_lib import cli
 from thesis_lib.edition.experiment import load
+from thesis_lib.training import cluster
 from thesis_lib.training.checkpoint import code_digest
 from thesis_lib.training.cluster import SchedulerLost, connected
 from thesis_lib.training.config import TrainConfig
@@ -585,6 +587,33 @@ def test_no_scheduler_is_one_sentence(tmp_path: Path) -> None:
         sweep([SMALL], tmp_path, scheduler="nonsense://")
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_a_cluster_starts_waits_until_it_can_be_closed(
+    number: signal.Signals, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Dask closes only clusters whose workers have started, and else with a traceback."""
+    state = []
+
+    class Cluster(contextlib.AbstractContextManager):
+        def __init__(self, **options: object) -> None:
+            os.kill(os.getpid(), number)
+            time.sleep(0.05)
+            state.append("started")
+
+        def __exit__(self, *error: object) -> None:
+            state.append("closed")
+
+    monkeypatch.setattr(cluster, "LocalCluster", Cluster)
+    before = signal.signal(number, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt), connected(1, 1, None):
+            pass
+        assert signal.getsignal(number) is signal.default_int_handler
+    finally:
+        signal.signal(number, before)
+    assert state == ["started", "closed"]
+
+
 def test_a_script_without_a_guard_says_what_it_lacks(tmp_path: Path) -> None:
     """Each worker imports the script that starts it, which would start workers again."""
     script = tmp_path / "mine.py"
@@ -594,7 +623,7 @@ def test_a_script_without_a_guard_says_what_it_lacks(tmp_path: Path) -> None:
         f"sweep([TrainConfig(iterations=1, batch_steps=500)], {str(tmp_path / 'runs')!r},"
         " workers=1)\n"
     )
-    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=300)
     assert done.returncode == 1
     assert "ValueError: the processes that are to work could not be started" in done.stderr
     assert 'under `if __name__ == "__main__":`' in done.stderr.splitlines()[-1]

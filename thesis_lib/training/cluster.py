@@ -6,9 +6,11 @@ import logging
 import math
 import multiprocessing
 import os
+import signal
 import sys
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import dask
@@ -95,9 +97,13 @@ def _client(
     with dask.config.set(SETTINGS), _quiet():
         if scheduler is None or scheduler == SLURM:
             n = min(workers or len(os.sched_getaffinity(0)), tasks)
-            cluster = _local_cluster(n) if scheduler is None else slurm_cluster(n, gigabytes)
-            with cluster, Client(cluster) as client:
-                yield client
+            with ExitStack() as stack:
+                with _signals_wait():
+                    cluster = (
+                        _local_cluster(n) if scheduler is None else slurm_cluster(n, gigabytes)
+                    )
+                    stack.enter_context(cluster)
+                yield stack.enter_context(Client(cluster))
             return
         try:
             client = Client(scheduler, timeout=10)
@@ -108,6 +114,27 @@ def _client(
             ) from error
         with client:
             yield client
+
+
+@contextmanager
+def _signals_wait() -> Iterator[None]:
+    """Hold signals that come within this block back until its end.
+
+    A cluster that is stopped while it starts can neither be used nor closed.
+    """
+    came: list[int] = []
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if callable(signal.getsignal(number)):  # neither ignored nor left to the system
+                before[number] = signal.signal(number, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if came:
+            signal.raise_signal(came[0])
 
 
 @contextmanager
