@@ -16,7 +16,11 @@ from pathlib import Path
 
 PACKAGE = "thesis_lib"
 
-READERS = {"thesis_lib.edition.saved": "results", "thesis_lib.edition.roots": "results/claims"}
+READERS = {
+    "thesis_lib.edition.saved": "results",
+    "thesis_lib.edition.roots": "results/claims",
+    "thesis_lib.edition.deepest": "results/thesis",
+}
 """Modules through which a notebook reads the committed results of long runs, and where they lie."""
 
 _ONE_AT_A_TIME = threading.Lock()

@@ -20,6 +20,7 @@ from typing import Any, ClassVar, Literal
 
 import pandas as pd
 
+from thesis_lib.edition.deepest import deepest
 from thesis_lib.edition.experiment import Experiment, load
 
 Tables = Mapping[str, pd.DataFrame]
@@ -428,7 +429,8 @@ def judge(claim: Claim, results: Path | str) -> Judgement:
     claim
         What to judge.
     results
-        Directory of tables written by ``thesis run`` or by the book's build.
+        Directory of tables written by ``thesis run`` or by the book's build; one made at the
+        book budget gives way to a committed one at the thesis's.
 
     Returns
     -------
@@ -442,7 +444,7 @@ def judge(claim: Claim, results: Path | str) -> Judgement:
     """
     tables, budgets = {}, set()
     for identifier in claim.experiments:
-        tables[identifier], provenance = load(identifier, results)
+        tables[identifier], provenance = deepest(*load(identifier, results))
         budgets.add(provenance["budget"])
     budget = ", ".join(sorted(budgets)) or "exact"
     if "smoke" in budgets:

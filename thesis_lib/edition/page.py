@@ -28,6 +28,7 @@ from IPython.display import display
 from threadpoolctl import threadpool_limits
 
 from thesis_lib.edition import roots
+from thesis_lib.edition.deepest import deepest
 from thesis_lib.edition.experiment import Experiment, check_budget, check_seed
 from thesis_lib.edition.ledger import (
     SMOKE_TELLS_NOTHING,
@@ -234,7 +235,8 @@ class Page:
     claims, differences
         Of these modules, by id.
     tables
-        What :meth:`run` has made so far, by experiment id.
+        What verdicts rest on, by experiment id: what :meth:`run` has made so far, or the committed
+        table at the thesis's budget where the page's has fewer runs.
     over
         Committed verdicts over roots, by claim.
     """
@@ -271,7 +273,7 @@ class Page:
         # Outside a build nothing is stored: a reader's run with another seed must not become
         # the evidence of the shipped ledger.
         if config is None:
-            self.tables[experiment.id] = result.table
+            self.tables[experiment.id], _ = deepest(result.table, result.provenance)
             if directory := os.environ.get(RESULTS_VARIABLE):
                 result.save(directory)
         return result.table

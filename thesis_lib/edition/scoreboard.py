@@ -10,6 +10,7 @@ import pandas as pd
 
 from thesis_lib.edition import roots
 from thesis_lib.edition.chapters import claims
+from thesis_lib.edition.deepest import deepest
 from thesis_lib.edition.experiment import load
 from thesis_lib.edition.ledger import (
     SMOKE_TELLS_NOTHING,
@@ -79,7 +80,7 @@ def effect(difference: Difference, results: Path | str) -> str:
     tables = {}
     for identifier in difference.experiments:
         try:
-            tables[identifier], provenance = load(identifier, results)
+            tables[identifier], provenance = deepest(*load(identifier, results))
         except FileNotFoundError:
             return f"Not computed yet: `thesis run {identifier}` makes it."
         if provenance["budget"] == "smoke":
