@@ -215,7 +215,70 @@ def heat_share(share: float, half: float) -> pd.DataFrame:
     return of(removed="x, y, heading", sensor=0.02, share=share, share_ci95=half, n_tasks=60)
 
 
+def pushes(**outward: float) -> pd.DataFrame:
+    """What the thesis says of the pushes, but for some (potential_by)."""
+    said = {"Q_star_sensor": 0, "Q_star_position": -1, "Q_tilde_sensor": 1, "Q_tilde_position": 1}
+    return pd.DataFrame(
+        [
+            {"discount": gamma, "potential": key.rpartition("_")[0], "by": key.rpartition("_")[2],
+             "outward": float(value)}
+            for gamma in (0.9, 0.99)
+            for key, value in (said | outward).items()
+        ]
+    )  # fmt: skip
+
+
+def subsets(bcd: float = 1.0, kept: str = "AB", b: float = 0.0, xor: float = 0.0, tests: int = 3):
+    """One target of footnote 2, an exclusive or, and two features of which one is removed."""
+    abcd = {"B": (b, 0.6), "C": (0.0, 0.3), "D": (0.0, 0.4), "BC": (0.5, 0.6), "CD": (0.0, 0.6)}
+    abcd["BCD"] = (bcd, 0.6)
+    rows = [("ABCD", 0, f, *values, kept, 9) for f, values in abcd.items()]
+    rows += [("xor", 0, f, 1.0, xor, "AB", 2) for f in "AB"]
+    rows += [("all removed", 2, f, 0.0, 1.0, "b", tests) for f in "ab"]
+    names = ["example", "target", "features", "relevance", "strength", "kept", "tests"]
+    return pd.DataFrame(rows, columns=names)
+
+
+def nearer(lead: float) -> pd.DataFrame:
+    return of(domain="torus", tasks_seen=3, lead=lead, lead_ci95=0.1)
+
+
+def tried(good: float = 0.0, ibkr: float = 0.0, strict: float = 9.0, half: float = 1.0):
+    """Returns of 100 or so: what keeping for good, a varying level and any level earn besides."""
+    beside = {"fs-tek": ("again", good, 1.0), "fs-tek, tested again": ("1e-4", strict, 2.0)}
+    beside["fs-tek at 1e-4"] = ("fs-tek", -strict, 1.0)
+    beside["ibkr, varying level"] = ("constant", ibkr, 1.0)
+    beside["no selection"] = ("1e-4", strict, 0.0)
+    return pd.DataFrame(
+        [
+            {"domain": "stock G = 4", "method": method, "tasks_seen": n, "ahead": gain,
+             "beside": "fs-tek at 1e-4" if other == "1e-4" else other, "ahead_ci95": half,
+             "mean_return": 100.0, "seconds": seconds}
+            for n in (4, 8)
+            for method, (other, gain, seconds) in beside.items()
+        ]
+    )  # fmt: skip
+
+
 CASES = {
+    "4.1-not-additive": [(subsets(), YES), (subsets(bcd=0.0), WRONG)],
+    "4.2-abcd": [(subsets(), YES), (subsets(kept="ACD"), WRONG), (subsets(b=0.1), WRONG)],
+    "4.2-interdependence": [(subsets(), YES), (subsets(xor=0.1), WRONG), (subsets(b=0.1), WRONG)],
+    "4.2-quadratic": [(subsets(), YES), (subsets(tests=4), WRONG)],
+    "4.2-combinations": [(nearer(0.2), YES), (nearer(0.05), NEARLY), (nearer(-0.2), WRONG)],
+    "4.3-cliff-tilde-shies": [(pushes(), YES), (pushes(Q_tilde_sensor=0), WRONG)],
+    "4.3-cliff-star-stays": [(pushes(), YES), (pushes(Q_star_sensor=1), WRONG)],
+    "4.3-cliff-star-centre": [(pushes(), YES), (pushes(Q_star_position=0), WRONG)],
+    "4.3-cliff-tilde-edges": [(pushes(), YES), (pushes(Q_tilde_position=-1), WRONG)],
+    "4.3-kept-for-good": [
+        (tried(), YES), (tried(good=-4.5), WRONG), (tried(half=9.0), Verdict.INCONCLUSIVE),
+    ],
+    "4.3-stock-ibkr-level": [
+        (tried(), YES), (tried(ibkr=9.0), WRONG), (tried(half=9.0), Verdict.INCONCLUSIVE),
+    ],
+    "4.3-stock-level-worst": [
+        (tried(), YES), (tried(strict=0.5), NEARLY), (tried(strict=-9.0), WRONG),
+    ],
     "4.1.1-plateau": [
         (curves(), YES), (curves(action=0.05), NO), (curves(position=0.2), NO),
     ],

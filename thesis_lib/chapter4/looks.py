@@ -20,6 +20,7 @@ SYMBOLS: Mapping[str, str] = {
     "ibkr": "IBKR",
     "jackknife": "jackknife F",
     "jackknife box": "jackknife F, box",
+    "cross-validation": "cross-validation",
     "fixed": "fixed features",
     "random": "random features",
     "none": "no selection",
@@ -31,6 +32,7 @@ COLOUR: Mapping[str, str] = {
     **{"fs-tek": COLOURS[0], "fs-tek schedule": COLOURS[5], "ibkr": COLOURS[1]},
     **{"jackknife": COLOURS[2], "jackknife box": COLOURS[4], "fixed": COLOURS[7]},
     **{"random": COLOURS[4], "none": "#404040", "constant": COLOURS[3]},
+    "cross-validation": COLOURS[4],
 }
 DASH: Mapping[str, str] = {"none": ":", "constant": "--", "fixed": "-.", "random": ":"}
 MARKER: Mapping[str, str] = {"fs-tek": "o", "ibkr": "s", "jackknife": "^", "fs-tek schedule": "v"}
@@ -40,7 +42,7 @@ PM = "\u00a0± "
 
 BESIDE: Mapping[str, tuple[float, float]] = {
     **{"fs-tek": (1.0, 3.5), "fs-tek schedule": (-9.0, 3.5)},
-    **{"ibkr": (-9.0, -8.5), "jackknife": (1.0, -8.5)},
+    **{"ibkr": (-9.0, -8.5), "jackknife": (1.0, -8.5), "cross-validation": (7.0, -3.0)},
 }
 """Where a method's numbers stand beside its markers, in points: each in a corner of its own."""
 

@@ -27,6 +27,7 @@ from thesis_lib.domains.toy_text import frozen_lakes, taxi
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import COLOURS
+from thesis_lib.edition.words import plus_minus
 from thesis_lib.potentials import linear_cross_task_weights
 from thesis_lib.selection import (
     FSTEK,
@@ -255,6 +256,24 @@ def error_predicts_return(table: pd.DataFrame) -> Finding:
         f"{mean.mean:.2f} ± {mean.half_width:.2f}.",
         {"correlation": mean.mean},
     )
+
+
+def winners(table: pd.DataFrame) -> pd.DataFrame:
+    """The selector of least regret and that of highest return after few, more and most tasks."""
+    grid = sorted(table.tasks_seen.unique())
+    shown = (grid[len(grid) // 5], grid[len(grid) // 2], grid[-1])
+    rivals = table[~table.method.isin(("fixed", "none (constant)")) & table.tasks_seen.isin(shown)]
+    rows: dict[str, dict[str, str]] = {}
+    for (domain, n), own in rivals.groupby(["domain", "tasks_seen"], sort=False):
+        least, most = own.loc[own.regret.idxmin()], own.loc[own.mean_return.idxmax()]
+        gain = plus_minus(most.over_all, most.over_all_ci95)
+        rows.setdefault(str(domain), {"domain": str(domain)}).update(
+            {
+                f"least regret, n = {n}": f"{least.method} ({least.regret:.2f})",
+                f"highest return, n = {n}": f"{most.method} ({gain})",
+            }
+        )
+    return pd.DataFrame(rows.values())
 
 
 def figure(table: pd.DataFrame) -> Figure:

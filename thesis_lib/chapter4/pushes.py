@@ -52,7 +52,8 @@ class Push:
     """The reading, N, E, S or W; or the cell x, y."""
     outward: float
     """By how much a step takes the agent away: from the cliff (1 away, 0 along, -1 into it), or
-    from the centre of the grid (change of the distance in steps); mean over tied actions."""
+    from the centre of the grid (rings of cells: from a corner no step leads inwards); mean over
+    tied actions."""
 
 
 @experiment(
@@ -103,7 +104,7 @@ def _values(domain: Domain, solutions: Solutions, labels: IntArray) -> FloatArra
 
 
 def _off_centre(cell: object) -> float:
-    return float(np.abs(np.asarray(cell) - (SIZE - 1) / 2).sum())
+    return float(np.abs(np.asarray(cell) - (SIZE - 1) / 2).max())
 
 
 def _preferred(values: FloatArray) -> IntArray:

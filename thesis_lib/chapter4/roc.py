@@ -23,6 +23,7 @@ from thesis_lib.selection import (
     IBKR,
     ExactRelevance,
     JackknifeF,
+    LeaveOneTaskOut,
     Selector,
     triangle_alpha,
 )
@@ -49,6 +50,7 @@ SELECTORS: Mapping[str, Callable[[], Selector]] = {
     "ibkr": lambda: IBKR(),
     "jackknife": lambda: JackknifeF(),
     "jackknife box": lambda: JackknifeF(null="box"),
+    "cross-validation": lambda: LeaveOneTaskOut(),
 }
 """Selectors compared in ROC space."""
 
@@ -89,7 +91,7 @@ class Place(Placed):
     was="selector-roc",
 )
 def places(config: Config, context: Context) -> list[Place]:
-    """False and true positive rates of FS-TEK, IBKR and the jackknife F on eight domains."""
+    """False and true positive rates of FS-TEK, IBKR, F-test and cross-validation, on 8 domains."""
 
     def one(name: str) -> list[Place]:
         solutions = exact_solutions(FAMILIES[name]())
@@ -129,7 +131,7 @@ def figure(table: pd.DataFrame) -> Figure:
     n_rows = -(-len(domains) // columns)
     size = (7.2, 0.8 + 2.0 * n_rows)
     fig, axes = plt.subplots(n_rows, columns, figsize=size, sharex=True, sharey=True, squeeze=False)
-    methods = ("fs-tek", "fs-tek schedule", "ibkr", "jackknife")
+    methods = ("fs-tek", "fs-tek schedule", "ibkr", "jackknife", "cross-validation")
     for ax, domain in zip(axes.flat, domains, strict=False):
         own = table[table.domain == domain]
         looks.roc(ax, own, methods, near=0.15)
@@ -143,7 +145,7 @@ def figure(table: pd.DataFrame) -> Figure:
     for ax in axes[:, 0]:
         ax.set_ylabel("true positive rate", fontsize=8)
     handles = axes[0, 0].get_legend_handles_labels()
-    fig.legend(*handles, loc="outside lower center", ncols=4, fontsize=8)
+    fig.legend(*handles, loc="outside lower center", ncols=5, fontsize=8)
     return fig
 
 
@@ -152,7 +154,8 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
     grid = sorted(table.tasks_seen.unique())
     at = (grid[len(grid) // 4], grid[-1])
     own = table[
-        table.method.isin(("fs-tek schedule", "ibkr", "jackknife")) & table.tasks_seen.isin(at)
+        table.method.isin(("fs-tek schedule", "jackknife", "cross-validation"))
+        & table.tasks_seen.isin(at)
     ]
     wide = own.assign(cell=two_rates(own)).pivot(
         index="domain", columns=["tasks_seen", "method"], values="cell"
