@@ -29,6 +29,8 @@ from pathlib import Path
 import pandas as pd
 
 from thesis_lib.checkout import environment, repository_root
+from thesis_lib.edition import chapters, roots
+from thesis_lib.edition.experiment import read_csv
 from thesis_lib.files import replacing, writable_directory
 
 ROOT = repository_root()
@@ -290,9 +292,19 @@ def verdicts(folder: Path, chapter: str, ids: tuple[str, ...], budget: str) -> d
 
 @cache
 def as_it_is(chapter: str, ids: tuple[str, ...], budget: str) -> dict[str, str]:
-    """The same of the library as it is."""
-    with copy(None) as folder:
-        return verdicts(folder, chapter, ids, budget)
+    """The same of the library as it is: as committed by this state of the code, else made."""
+    table = read_csv(roots.committed())
+    known = table[table["root"].isin((0, 1))].set_index("claim")
+    claims = {claim.id: claim for claim in chapters.chapter(chapter).claims}
+    found = {
+        i: str(known.verdict[i])
+        for i in ids
+        if i in known.index and known.code[i] == roots.code_of_claim(claims[i], budget)
+    }
+    if missing := tuple(i for i in ids if i not in found):
+        with copy(None) as folder:
+            found |= verdicts(folder, chapter, missing, budget)
+    return found
 
 
 def drill(mutant: Mutant) -> dict[str, object]:
@@ -323,6 +335,30 @@ def drill(mutant: Mutant) -> dict[str, object]:
     }
 
 
+COLUMNS = {
+    "mutant": "name of the change",
+    "file": "below thesis_lib",
+    "test": "what must fail, as pytest is told",
+    "caught": "whether it did",
+    "moved": "number of claims that were reproduced and no longer are",
+    "verdicts": "verdict on root 1 of the library as it is and of the mutant",
+    "reason": "why no verdict moves, where none does",
+    "commit": "of the library, with + where it had changes",
+}
+
+
+def _record(table: pd.DataFrame) -> dict[str, object]:
+    """Provenance of the table."""
+    return {
+        "id": "mutants",
+        "title": "Mutants of the library.",
+        "command": "benchmarks/mutants.py --out results/mutants",
+        "columns": COLUMNS,
+        "rows": len(table),
+        **environment(),
+    }
+
+
 def main() -> int:
     """Drill the mutants asked for, and print a table."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
@@ -346,6 +382,8 @@ def main() -> int:
                 table = pd.concat([before[before.mutant != name], table])
             with replacing(file) as temporary:
                 table.to_csv(temporary, index=False)
+            with replacing(file.with_suffix(".json")) as temporary:
+                temporary.write_text(json.dumps(_record(table), indent=1) + "\n", encoding="utf-8")
     return 0 if good else 1
 
 
