@@ -357,11 +357,16 @@ def drill_sweep(fresh: Callable[[], Path], n: int) -> Iterator[tuple[str, tuple[
 def drill_book(fresh: Callable[[], Path], n: int) -> Iterator[tuple[str, tuple[int, int]]]:
     here = fresh()
     done = repository_root() / "_build" / "executed" / "smoke" / NOTEBOOK
+    before: set[Path] = set()
+
+    def begun() -> set[Path]:
+        return set(done.parent.glob(f".{NOTEBOOK}.*"))
 
     def start(i: int) -> Command:
         if i == 0:
             shutil.copytree(done / "results", here / "whole")
         shutil.rmtree(done, ignore_errors=True)
+        before.update(begun())  # what SIGKILL left, until a build comes to where it clears it away
         return Command(BOOK, forked=False)
 
     def whole(i: int) -> str:
@@ -369,11 +374,12 @@ def drill_book(fresh: Callable[[], Path], n: int) -> Iterator[tuple[str, tuple[i
         manifest = done / "manifest.json"
         if manifest.exists() and not json.loads(manifest.read_text(encoding="utf-8"))["digest"]:
             return "half a run is kept"
-        left = [p.name for p in done.parent.glob(f".{NOTEBOOK}.*")]
+        left = [p.name for p in begun() - before]
         return f"{left} left" if left and SIGNALS[i % len(SIGNALS)] != signal.SIGKILL else ""
 
     yield "killed", kills(n, start, whole)
     wrong = again(Command(BOOK, forked=False)) or same(here / "whole", done / "results")
+    wrong = wrong or ", ".join(p.name for p in begun())
     if wrong:
         tell(wrong)
     yield "then given again, equal bytes", (int(not wrong), 1)

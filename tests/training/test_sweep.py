@@ -524,7 +524,9 @@ def test_a_worker_and_the_scheduler_are_killed_and_nothing_is_lost(
     runs, arguments = tmp_path / "runs", [*ARGUMENTS, "--iterations", "60", "--seeds", "0", "1"]
     places = ["--out", str(tmp_path / "out"), "--runs-in", str(runs)]
 
-    def cluster(name: str) -> tuple[list[str], subprocess.Popen, list[subprocess.Popen]]:
+    def started(
+        name: str, n_workers: int
+    ) -> tuple[list[str], subprocess.Popen, list[subprocess.Popen]]:
         file = tmp_path / name
         options = ["--port", "0", "--host", "127.0.0.1", "--no-dashboard"]
         scheduler = dask_processes("scheduler", *options, "--scheduler-file", str(file))
@@ -534,13 +536,13 @@ def test_a_worker_and_the_scheduler_are_killed_and_nothing_is_lost(
         return (
             ["--scheduler", address],
             scheduler,
-            [dask_processes("worker", *options) for _ in range(2)],
+            [dask_processes("worker", *options) for _ in range(n_workers)],
         )
 
     def begun(n: int) -> bool:
         return len(list(runs.glob("*/checkpoint.pt"))) >= n
 
-    where, scheduler, workers = cluster("first.json")
+    where, scheduler, workers = started("first.json", 2)
     command = [sys.executable, "-m", "thesis_lib.cli", "sweep", *arguments, *places, *where]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     wait_for(lambda: begun(2))
@@ -552,10 +554,10 @@ def test_a_worker_and_the_scheduler_are_killed_and_nothing_is_lost(
     assert "the scheduler ended; the runs are kept in" in error
     assert "Traceback" not in error
 
-    where, _, _ = cluster("second.json")
+    where, _, _ = started("second.json", 1)
     assert cli.main(["sweep", *arguments, *places, *where]) == 0
     whole = ["--out", str(tmp_path / "whole"), "--runs-in", str(tmp_path / "others")]
-    assert cli.main(["sweep", *arguments, *whole, "--workers", "1"]) == 0
+    assert cli.main(["sweep", *arguments, *whole, *where]) == 0
     same_tables(tmp_path / "out", tmp_path / "whole")
 
 
