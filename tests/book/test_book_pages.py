@@ -53,10 +53,18 @@ def test_drills_have_a_row_each() -> None:
     assert "\n| `thesis run` | killed | 19 of 20 | 01234567 | 2026-11-29 |\n" in text
 
 
-def test_no_drill_that_is_committed_failed() -> None:
+def test_the_drills_that_are_committed_are_all_there_and_none_failed() -> None:
     drills = saved("drills/drills").table
-    assert len(drills)
     assert (drills.good == drills.of).all()
+    assert not drills.commit.str.endswith("+").any()
+    done = drills.set_index(["command", "drill"]).of
+    for command in ("run", "train"):
+        own = done[f"thesis {command}"]
+        assert own["killed, then given again"] >= 20
+        assert own["twice at once in one directory"] >= 1
+        assert own[own.index.str.startswith("disk full")].sum() >= 10
+    assert done[:, "bad input"].sum() >= 40
+    assert done[:, "1, 2 and 4 workers, equal bytes"].min() == 3
 
 
 def test_every_environment_is_listed_with_its_spaces() -> None:
