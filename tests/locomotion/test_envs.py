@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 from thesis_lib.locomotion import perturbations, rendering, robots, terrain
 from thesis_lib.locomotion.batch import BatchTask
@@ -168,6 +169,29 @@ def test_vector_env_equals_gymnasiums_own_of_the_same_worlds(env_id, options, mo
         assert_infos_equal(a[4], b[4])
         assert ("final_info" in a[4]) == (mode == "SameStep" and bool((a[2] | a[3]).any()))
     assert ends > 3
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_gymnasium_counts_whole_episodes(mode):
+    """Its issue 1624: with SAME_STEP every episode but the first was a step short."""
+    env = RecordEpisodeStatistics(
+        gymnasium.make_vec("thesis/Hopper-v0", num_envs=3, autoreset_mode=mode)
+    )
+    env.reset(seed=1)
+    total, length, resets, ends = np.zeros(3), np.zeros(3), np.zeros(3, dtype=bool), 0
+    for action in actions_for(env, 80):
+        _, reward, terminated, truncated, info = env.step(action)
+        counts = ~resets
+        total[counts] += reward[counts]
+        length[counts] += 1
+        ended = terminated | truncated
+        for i in np.flatnonzero(ended):
+            assert info["episode"]["r"][i] == pytest.approx(total[i])
+            assert info["episode"]["l"][i] == length[i]
+        ends += ended.sum()
+        total[ended] = length[ended] = 0
+        resets = ended if mode == "NextStep" else resets
+    assert ends > 6
 
 
 def assert_infos_equal(ours, theirs):

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import binomtest
+from sklearn import config_context
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.frozen import FrozenEstimator
@@ -172,6 +173,17 @@ def test_a_regression_on_the_features_that_are_kept() -> None:
     framed = FixedFeatures(["g"]).fit(solutions).set_output(transform="pandas")
     frame = pd.DataFrame(solutions.features, columns=["f", "g"], index=[3, 1, 2, 0])
     pd.testing.assert_frame_equal(framed.transform(frame), frame[["g"]])
+
+
+def test_a_program_that_asks_scikit_learn_for_frames() -> None:
+    """Its issue 25239, and issue 488 of category_encoders, whose encoders failed there."""
+    solutions = planted(np.random.default_rng(0), 6)
+    with config_context(transform_output="pandas"):
+        assert list(FixedFeatures(["g"]).fit_transform(solutions)) == ["g"]
+        pipeline = make_pipeline(FixedFeatures(["g"]), LinearRegression())
+        framed = pipeline.fit(solutions, solutions.q[0]).predict(solutions.features)
+    plain = pipeline.fit(solutions, solutions.q[0]).predict(solutions.features)
+    np.testing.assert_allclose(framed, plain)
 
 
 def test_columns_of_other_names_or_in_another_order_are_refused() -> None:

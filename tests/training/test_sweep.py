@@ -593,7 +593,7 @@ def test_no_scheduler_is_one_sentence(tmp_path: Path) -> None:
 def test_a_signal_while_a_cluster_starts_waits_until_it_can_be_closed(
     number: signal.Signals, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Dask closes only clusters whose workers have started, and else with a traceback."""
+    """Dask closes a cluster that has not started with a traceback only (its issue 1321)."""
     state = []
 
     class Cluster(contextlib.AbstractContextManager):
