@@ -141,3 +141,22 @@ def test_the_level_claim_can_fail() -> None:
     assert scatter.level_is_held(one).verdict is Verdict.DIRECTION
     null = table.assign(low=np.where(table.law == "gaussian", 0.1, 0.02))
     assert scatter.level_is_held(null).verdict is Verdict.REFUTED
+
+
+def test_winners_are_the_least_regret_and_the_highest_return() -> None:
+    """The truth, and no features at all, are no rivals."""
+    rows = [
+        ("taxi", n, method, regret, earned, gain, 0.5)
+        for n in (4, 8)
+        for method, regret, earned, gain in (
+            ("all features", 0.3, 10.0, 0.0),
+            ("shrinkage", 0.1, 11.0, 1.0),
+            ("jackknife", 0.2, 14.0, 4.0),
+            ("fixed", 0.0, 20.0, 10.0),
+            ("none (constant)", 0.0, 20.0, 10.0),
+        )
+    ]
+    names = ["domain", "tasks_seen", "method", "regret", "mean_return", "over_all", "over_all_ci95"]
+    (row,) = prediction.winners(pd.DataFrame(rows, columns=names)).itertuples(index=False)
+    assert row[:2] == ("taxi", "shrinkage (0.10)")
+    assert row[2].startswith("jackknife (4.0")
