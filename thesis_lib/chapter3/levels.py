@@ -141,17 +141,27 @@ def never_above_q_star(table: pd.DataFrame) -> Finding:
 
 
 def value_maps(domain: Domain, phi: Mapping[str, FloatArray]) -> Figure:
-    """State values, the best action's, of potentials on the cliff's grid, one map each."""
-    fig, axes = plt.subplots(1, len(phi), figsize=(7.2, 2.4), squeeze=False)
-    for ax, (name, values) in zip(axes[0], phi.items(), strict=True):
+    """State values, the best action's, of potentials on the cliff's grid: maps and surfaces."""
+    fig = plt.figure(figsize=(7.2, 4.8))
+    for i, (name, values) in enumerate(phi.items(), start=1):
         grid = np.full((4, 4), np.nan)
         x, y = domain.observations[:, 0], domain.observations[:, 1]
         grid[y, x] = values.max(axis=1)
+        ax = fig.add_subplot(2, len(phi), i)
         picture = ax.imshow(grid, origin="lower")
         ax.set(title=SYMBOLS[name], xticks=range(4), yticks=range(4), xlabel="x")
         ax.grid(False)
         fig.colorbar(picture, ax=ax, shrink=0.8).ax.tick_params(labelsize=7)
-    axes[0, 0].set_ylabel("y")
+        if i == 1:
+            ax.set_ylabel("y")
+        hill = fig.add_subplot(2, len(phi), len(phi) + i, projection="3d")
+        hill.plot_surface(
+            *np.meshgrid(range(4), range(4)), grid, cmap="cividis", edgecolor="k", lw=0.3
+        )
+        hill.set(xticks=range(4), yticks=range(4), xlabel="x", ylabel="y")
+        hill.tick_params(labelsize=7, pad=0)
+        hill.locator_params(axis="z", nbins=4)
+        hill.set_box_aspect((4, 4, 3), zoom=1.25)
     return fig
 
 
