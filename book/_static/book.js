@@ -26,6 +26,18 @@ window.addEventListener("DOMContentLoaded", () => {
   }
 });
 
+// Excerpts that a search finds have no room for long formulas, and none for TeX.
+window.addEventListener("DOMContentLoaded", () => {
+  if (typeof Search === "undefined") return;
+  const plain = Search.htmlToText;
+  const told = (formula) => {
+    const bare = formula.replace(/<[^>]*>|\\[()[\]]|[\\{}]/g, "");
+    return bare.length > 12 ? " … " : bare;
+  };
+  Search.htmlToText = (page, anchor) =>
+    plain(page.replace(/<(span|div) class="math[\s\S]*?<\/\1>/g, told), anchor);
+});
+
 // Tables of the ledger can be filtered; without this script they are plain tables.
 function filterLedger(table) {
   const rows = [...table.tBodies[0].rows];

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from axe_playwright_python.sync_playwright import Axe
 from bs4 import BeautifulSoup
 
 from thesis_lib.book.build import build
@@ -23,6 +24,8 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted(re.findall(r"(?:root|file): (\S+)", (ROOT / "_toc.yml").read_text()))
 OF_A_KIND = [p for p in PAGES if not p.startswith("book/api/") or p.endswith(("/index", "/small"))]
 """Pages less those of the reference that look like another one and are very long."""
+OF_EACH_KIND = ["book/intro", "book/scoreboard", "book/bibliography", "book/play", "book/api/small"]
+OF_EACH_KIND += ["notebooks/appendix_a", "notebooks/ch03_evaluation"]
 NOTEBOOKS = [page.partition("/")[2] for page in PAGES if page.startswith("notebooks/")]
 
 
@@ -151,7 +154,7 @@ def test_items_have_the_numbers_of_the_thesis(html: Path) -> None:
 
 def test_the_book_is_small(html: Path) -> None:
     files = [file for file in html.rglob("*") if file.is_file() and "films" not in file.parts]
-    assert sum(file.stat().st_size for file in files) < 30e6
+    assert sum(file.stat().st_size for file in files) < 25e6
     assert not [file for file in files if file.suffix == ".map"]
 
 
@@ -277,6 +280,8 @@ class TestInTheBrowser:
         assert opened.locator("mjx-merror, .MathJax_Error").count() == 0
         if opened.locator("span.math, div.math").count():
             assert opened.locator("mjx-container").count() > 0
+        if name.startswith("notebooks/"):  # a page a subject
+            assert opened.evaluate("document.documentElement.scrollHeight") < 20_000
 
     @pytest.mark.parametrize("tab", [PHONE], indirect=True)
     @pytest.mark.parametrize("name", PAGES)
@@ -300,6 +305,19 @@ class TestInTheBrowser:
     @pytest.mark.parametrize("name", ["book/intro", PAGES[-1]])
     def test_everything_one_can_press_has_a_name(self, tab: Tab, name: str) -> None:
         assert tab.open(f"{name}.html").evaluate(UNNAMED) == []
+
+    @pytest.mark.parametrize("name", OF_EACH_KIND)
+    def test_a_page_is_light_and_axe_finds_nothing_serious(
+        self, tab: Tab, html: Path, name: str
+    ) -> None:
+        opened = tab.open(f"{name}.html", until="networkidle")
+        files = {url.partition("?")[0].removeprefix(f"{tab.site}/") for url in tab.asked}
+        sizes = {file: (html / file).stat().st_size for file in files if (html / file).is_file()}
+        assert sum(sizes.values()) < (2.1e6 if name == "book/play" else 1.6e6)  # not packed
+        assert sum(n for file, n in sizes.items() if "_static" not in file) < 500e3
+        found = Axe().run(opened, options={"resultTypes": ["violations"]}).response["violations"]
+        grave = [v for v in found if v["impact"] in ("serious", "critical")]
+        assert [(v["id"], v["nodes"][0]["html"][:100]) for v in grave] == []
 
     def test_keyboard_reaches_the_text(self, tab: Tab) -> None:
         opened = tab.open("book/intro.html")
@@ -367,3 +385,5 @@ class TestInTheBrowser:
         opened.wait_for_selector("#search-results li a", timeout=20_000)
         found = opened.locator("#search-results li a").all_inner_texts()
         assert found
+        opened.wait_for_selector("#search-results li p.context")
+        assert not re.search(r"\\[a-z(]", "".join(opened.locator("p.context").all_inner_texts()))

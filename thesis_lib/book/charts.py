@@ -218,7 +218,7 @@ CHARTS: Mapping[str, tuple[Callable[[], alt.Chart], str]] = {
 
 
 def charts() -> dict[str, str]:
-    """Every chart as files: ``chart-NAME.md`` to be included, and the picture it shows."""
+    """Every chart as files: ``chart-NAME.md`` and ``picture-NAME.md`` are to be included."""
     import vl_convert
 
     made = {}
@@ -229,16 +229,21 @@ def charts() -> dict[str, str]:
         spec = chart.properties(width=HEIGHT if square else WIDTH, height=HEIGHT).to_dict()
         made[f"chart-{name}.svg"] = vl_convert.vegalite_to_svg(spec)
         moving = spec if square else {**spec, "width": "container"}
+        made[f"picture-{name}.md"] = _picture(name, words)
         made[f"chart-{name}.md"] = _page(name, words, moving)
     return made
+
+
+def _picture(name: str, words: str) -> str:
+    """The picture alone."""
+    return f"![{words}](/book/_generated/chart-{name}.svg)\n"
 
 
 def _page(name: str, words: str, spec: Mapping[str, Any]) -> str:
     """The picture, and beside it what moves it."""
     data = json.dumps(spec, ensure_ascii=False, separators=(",", ":")).replace("</", "<\\/")
     return f"""````{{div}} chart
-![{words}](/book/_generated/chart-{name}.svg)
-
+{_picture(name, words)}
 ```{{raw}} html
 <script type="application/json">{data}</script>
 ```

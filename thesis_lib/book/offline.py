@@ -85,8 +85,17 @@ def _keep_icons_in_use(app: Any, exception: Exception | None) -> None:
     static = Path(app.outdir, "_static")
     pages = "".join(page.read_text(encoding="utf-8") for page in Path(app.outdir).rglob("*.html"))
     used = set(re.findall(r"\bfa-[a-z0-9-]+", pages))
-    style = (static / "styles" / "pydata-sphinx-theme.css").read_text(encoding="utf-8")
-    codes = dict(re.findall(r"\.(fa-[a-z0-9-]+):before\{content:\"\\([0-9a-f]+)\"\}", style))
+    sheet = static / "styles" / "pydata-sphinx-theme.css"
+    codes: dict[str, str] = {}
+
+    def in_use(rule: re.Match[str]) -> str:
+        names = set(re.findall(r"fa-[a-z0-9-]+", rule[1]))
+        codes.update(dict.fromkeys(names & used, rule[2]))
+        return rule[0] if names & used else ""
+
+    style = sheet.read_text(encoding="utf-8")
+    rules = r"((?:\.fa-[a-z0-9-]+:before,?)+)\{content:\"\\([0-9a-f]+)\"\}"
+    sheet.write_text(re.sub(rules, in_use, style), encoding="utf-8")
     for font in (static / "vendor" / "fontawesome" / "webfonts").iterdir():
         if font.suffix != ".woff2":
             font.unlink()  # what browsers of ten years ago would fall back to
@@ -94,7 +103,7 @@ def _keep_icons_in_use(app: Any, exception: Exception | None) -> None:
         options = subset.Options(flavor="woff2")
         cut = subset.load_font(font, options)
         cutter = subset.Subsetter(options)
-        cutter.populate(unicodes=[int(codes[name], 16) for name in used & codes.keys()])
+        cutter.populate(unicodes=[int(code, 16) for code in codes.values()])
         cutter.subset(cut)
         subset.save_font(cut, font, options)
     (static / "scripts" / "fontawesome.js").write_text("")

@@ -20,6 +20,8 @@ from thesis_lib.files import replacing
 READY = """async () => {
   document.querySelectorAll('table.ledger details').forEach((e) => { e.open = true; });
   document.querySelectorAll('img[loading=lazy]').forEach((e) => { e.loading = 'eager'; });
+  const loaded = (e) => e.complete || new Promise((done) => { e.onload = e.onerror = done; });
+  await Promise.all([...document.images].map(loaded));
   if (window.MathJax?.startup?.promise) await window.MathJax.startup.promise;
   await document.fonts.ready;
 }"""

@@ -1,8 +1,8 @@
 """Chapter 5, Benchmarking Recurrent Architectures for Robust Continuous Control.
 
 One file a result: its config with the budgets, the experiment, the criteria of the claims its
-table decides, and its figure; the claims' words stand in ``claims.toml``.  The results are those
-of two pages.  What several need is in ``networks``, ``open_loop``, ``committed`` and, of the
+table decides, and its figure; the claims' words stand in ``claims.toml``.  What several need is
+in ``networks``, ``open_loop``, ``committed`` and, of the
 benchmark, ``cells`` (the grid as numbers), ``contrasts`` (differences between nets),
 ``cell_table``, ``judging`` and ``runs``; pictures are in ``architecture_drawing`` and
 ``pictures``.  The benchmark's results take the printed numbers always, and our own runs where a
@@ -36,7 +36,7 @@ NETWORKS = (
     "peers",
     "precision",
 )
-"""Results of the page on worlds, networks and learning, in its order."""
+"""Results on worlds, networks and learning, sections 5.1 to 5.4, in their order."""
 
 BENCHMARK = (
     "calibration",
@@ -51,7 +51,7 @@ BENCHMARK = (
     "study_hills",
     "study_seeds",
 )
-"""Results of the page on the benchmark, sections 5.4 to 5.7 and appendix C, in its order."""
+"""Results of the benchmark, sections 5.4 to 5.7 and appendix C, in their order."""
 
 RESULTS = NETWORKS + BENCHMARK
 """The chapter's results."""
