@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from thesis_lib.edition.chapters import chapter
+from thesis_lib.edition.saved import saved
 
 ROOT = Path(__file__).parents[1]
 MUTANTS = runpy.run_path(str(ROOT / "benchmarks" / "mutants.py"))["MUTANTS"]
@@ -23,3 +24,15 @@ def test_it_changes_one_place_and_names_what_must_notice(mutant) -> None:
     if mutant.claims:
         name, *ids = mutant.claims
         assert set(ids) <= {claim.id for claim in chapter(name).claims}
+
+
+def test_every_mutant_of_the_committed_table_is_noticed() -> None:
+    """By a test, and by a verdict or a reason why no claim depends on it."""
+    table = saved("mutants/mutants").table
+    assert len(table)
+    assert table.caught.all()
+    known = {mutant.name: mutant for mutant in MUTANTS}
+    for row in table.itertuples():
+        mutant = known[row.mutant]
+        assert row.file == mutant.file
+        assert row.moved > 0 or (row.reason == mutant.reason != "")

@@ -9,7 +9,7 @@ import pandas as pd
 
 from thesis_lib.book.environments import environments_markdown
 from thesis_lib.book.execution import Run
-from thesis_lib.book.pages import drills_markdown, status_markdown
+from thesis_lib.book.pages import drills_markdown, mutants_markdown, status_markdown
 from thesis_lib.edition.saved import saved
 
 
@@ -51,6 +51,14 @@ def test_drills_have_a_row_each() -> None:
     row = {"command": "thesis run", "drill": "killed", "good": 19, "of": 20}
     text = drills_markdown(pd.DataFrame([row | {"commit": "0123456789ab", "day": "2026-11-29"}]))
     assert "\n| `thesis run` | killed | 19 of 20 | 01234567 | 2026-11-29 |\n" in text
+
+
+def test_mutants_tell_what_noticed_them_or_why_no_claim_does() -> None:
+    row = {"mutant": "a", "file": "b.py", "caught": True, "commit": "0123456789ab"}
+    moved = row | {"verdicts": "3.1-x: reproduced -> refuted", "reason": float("nan")}
+    text = mutants_markdown(pd.DataFrame([moved, row | {"verdicts": None, "reason": "ties"}]))
+    assert "| a | `b.py` | yes | 3.1-x: reproduced -> refuted | 01234567 |" in text
+    assert "| a | `b.py` | yes |  (none: ties) | 01234567 |" in text
 
 
 def test_the_drills_that_are_committed_are_all_there_and_none_failed() -> None:

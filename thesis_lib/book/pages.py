@@ -55,6 +55,7 @@ def generated(
         "environments.md": environments_markdown(),
         "status.md": status_markdown([runs[name] for name in sorted(runs)]),
         "drills.md": drills_markdown(saved("drills/drills").table),
+        "mutants.md": mutants_markdown(saved("mutants/mutants").table),
     }
 
 
@@ -122,6 +123,31 @@ def drills_markdown(drills: pd.DataFrame) -> str:
             f"| `{d.command}` | {d.drill} | {d.good} of {d.of} "
             f"| {_short_commit(d.commit)} | {d.day} |"
             for d in drills.itertuples()
+        ),
+    ]
+    return "\n".join([*lines, "::::", ""])
+
+
+def mutants_markdown(mutants: pd.DataFrame) -> str:
+    """The table of mutants on the page *Status*.
+
+    Parameters
+    ----------
+    mutants
+        What ``benchmarks/mutants.py`` wrote: mutant, file, caught, verdicts, reason, commit.
+    """
+    lines = [
+        "::::{table} Faults put into the library: a test must fail, and a verdict change",
+        ":name: tbl-status-mutants",
+        "",
+        "| mutant | of | a test fails | verdicts | commit |",
+        "| :-- | :-- | :-- | :-- | :-- |",
+        *(
+            f"| {m.mutant} | `{m.file}` | {'yes' if m.caught else 'no'} "
+            f"| {m.verdicts if isinstance(m.verdicts, str) else ''}"
+            f"{f' (none: {m.reason})' if isinstance(m.reason, str) else ''} "
+            f"| {_short_commit(m.commit)} |"
+            for m in mutants.itertuples()
         ),
     ]
     return "\n".join([*lines, "::::", ""])
