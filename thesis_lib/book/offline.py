@@ -106,7 +106,7 @@ def _keep_icons_in_use(app: Any, exception: Exception | None) -> None:
         cutter.populate(unicodes=[int(code, 16) for code in codes.values()])
         cutter.subset(cut)
         subset.save_font(cut, font, options)
-    (static / "scripts" / "fontawesome.js").write_text("")
+    (static / "scripts" / "fontawesome.js").write_bytes(b"")
 
 
 def _lighten(
