@@ -253,7 +253,7 @@ def tried(good: float = 0.0, ibkr: float = 0.0, strict: float = 9.0, half: float
         [
             {"domain": "stock G = 4", "method": method, "tasks_seen": n, "ahead": gain,
              "beside": "fs-tek at 1e-4" if other == "1e-4" else other, "ahead_ci95": half,
-             "mean_return": 100.0, "seconds": seconds}
+             "mean_return": 100.0, "cpu_seconds": seconds}
             for n in (4, 8)
             for method, (other, gain, seconds) in beside.items()
         ]

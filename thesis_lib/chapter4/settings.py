@@ -65,7 +65,7 @@ class Tried(Rated):
     """Return less that one's, paired by run, mean."""
     ahead_ci95: float
     """Half-width of its 95% t interval."""
-    seconds: float
+    cpu_seconds: float
     """Processor time of a selection, mean."""
 
 
@@ -130,7 +130,7 @@ def _on(i: int, name: str, domain: Domain, config: Config, context: Context) -> 
                 beside=beside,
                 ahead=ahead.mean,
                 ahead_ci95=ahead.half_width,
-                seconds=float(runs.seconds[:, j, k].mean()),
+                cpu_seconds=float(runs.seconds[:, j, k].mean()),
                 **runs.rated(j, k, solved.truth),
             )
         )
@@ -151,7 +151,7 @@ def _pooled(table: pd.DataFrame, method: str) -> pd.DataFrame:
     """
     own = table[table.method == method]
     return own.groupby("domain", as_index=False)[
-        ["ahead", "ahead_ci95", "mean_return", "seconds"]
+        ["ahead", "ahead_ci95", "mean_return", "cpu_seconds"]
     ].mean()
 
 
@@ -162,7 +162,7 @@ def kept_for_good(table: pd.DataFrame) -> Finding:
     again = _pooled(table, "fs-tek, tested again")
     margin = MARGIN * own.mean_return.abs()
     equal = bool((own.ahead - own.ahead_ci95 > -margin).all())
-    faster = own.seconds.sum() / again.seconds.sum()
+    faster = own.cpu_seconds.sum() / again.cpu_seconds.sum()
     verdict = Verdict.REPRODUCED if equal and faster < 1 else Verdict.INCONCLUSIVE
     if (own.ahead + own.ahead_ci95 < 0).any():
         verdict = Verdict.REFUTED
