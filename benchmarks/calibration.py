@@ -17,7 +17,7 @@ from typing import Any
 import pandas as pd
 
 from thesis_lib.files import replacing
-from thesis_lib.training.config import TrainConfig, sensors, settled
+from thesis_lib.training.config import TrainConfig, differences, sensors, settled
 from thesis_lib.training.sweep import sweep
 
 ITERATIONS = 100
@@ -81,7 +81,10 @@ def write(folders: list[Path]) -> None:
         curve = pd.read_csv(path.parent / "curve.csv")
         curve = curve[curve.iteration <= ITERATIONS]
         settings = stated(record)
-        if settings["task"] == "Swimmer" or record["config"]["integrator"] != "heun":
+        named = ("task", "architecture", "seed", "features", "time_constant")
+        shown = {name: record["config"][name] for name in named}
+        shown |= {name: settings[name] for name in ("head_scale", "delta_kl")}
+        if settings["task"] == "Swimmer" or differences(record, TrainConfig(**shown)):
             continue  # the table has no column that tells these apart
         provenance = {
             **settings,

@@ -246,7 +246,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 @contextmanager
 def _manners() -> Iterator[None]:
-    """Stop on SIGTERM and SIGHUP as on Ctrl-C, and print on any terminal what it can show."""
+    """Stop on SIGTERM and SIGHUP as on Ctrl-C, print what the terminal can show, draw to files."""
 
     def interrupt(number: int, frame: Any) -> None:
         raise KeyboardInterrupt(number)
@@ -265,6 +265,7 @@ def _manners() -> Iterator[None]:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
     before: dict[int, Any] = {}
+    backend = os.environ.pop("MPLBACKEND", None)  # of a user's screen
     if threading.current_thread() is threading.main_thread():
         for number in (signal.SIGTERM, signal.SIGHUP):
             # One that is ignored, as SIGHUP is under nohup, stays so.
@@ -274,6 +275,8 @@ def _manners() -> Iterator[None]:
         yield
     finally:
         sys.unraisablehook = hook
+        if backend is not None:
+            os.environ["MPLBACKEND"] = backend
         for replaced, handler in before.items():
             signal.signal(replaced, handler)
 
@@ -281,7 +284,6 @@ def _manners() -> Iterator[None]:
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of the command ``thesis``; returns the exit status."""
     arguments = list(sys.argv[1:] if argv is None else argv)
-    os.environ.pop("MPLBACKEND", None)  # pictures go to files, whatever a user's screen can show
     with _manners():
         return _main(arguments)
 

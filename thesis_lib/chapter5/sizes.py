@@ -15,8 +15,6 @@ from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.locomotion.tasks import make_task
 from thesis_lib.policies import ARCHITECTURES, RECURRENT_NETS, recurrent_units
 
-"""Networks with a state, which table 5.1 gives fewer sensors on two tasks."""
-
 SAME_SIZE = (0.75, 4 / 3)
 """Two networks have roughly the same number of parameters if the ratio lies between these."""
 
