@@ -426,5 +426,5 @@ def test_export_names_the_forms_there_are(
     checkpoint: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert cli.main(["export", str(checkpoint), str(tmp_path / "gru.h5")]) == 2
-    assert "'.h5': choose .npz or .onnx." in capsys.readouterr().err
+    assert "'gru.h5': choose .npz or .onnx." in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
