@@ -14,6 +14,7 @@ click, are left out.
 from __future__ import annotations
 
 import importlib.util
+import logging
 import re
 import shutil
 from pathlib import Path
@@ -82,6 +83,8 @@ def _keep_icons_in_use(app: Any, exception: Exception | None) -> None:
         return
     from fontTools import subset
 
+    # Sphinx hands what others log on to the terminal, and this tells of every table it cuts.
+    logging.getLogger(subset.__name__).setLevel(logging.WARNING)
     static = Path(app.outdir, "_static")
     pages = "".join(page.read_text(encoding="utf-8") for page in Path(app.outdir).rglob("*.html"))
     used = set(re.findall(r"\bfa-[a-z0-9-]+", pages))
