@@ -15,7 +15,8 @@ import pandas as pd
 import pytest
 
 from thesis_lib import chapter2, chapter3, chapter6
-from thesis_lib.edition.ledger import Claim, Verdict, read_chapter
+from thesis_lib.edition.chapters import read_chapter
+from thesis_lib.edition.ledger import Claim, Verdict
 
 from .chapter2 import test_criteria
 from .chapter4 import test_criteria as chapter4_cases

@@ -13,7 +13,8 @@ from thesis_lib.appendix_a.figure_a_2 import communicating, conflicts
 from thesis_lib.appendix_a.figure_a_3 import crossing
 from thesis_lib.appendix_a.other_numbers import setting
 from thesis_lib.domains.appendix_a import figure_a1, figure_a2, policy, state_values
-from thesis_lib.edition.ledger import Claim, Criterion, Verdict, read_chapter
+from thesis_lib.edition.chapters import read_chapter
+from thesis_lib.edition.ledger import Claim, Criterion, Verdict
 
 APPENDIX = read_chapter(appendix_a)
 EXPERIMENTS, CLAIMS = APPENDIX.experiments, APPENDIX.claims

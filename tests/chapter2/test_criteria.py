@@ -7,7 +7,8 @@ import pytest
 from thesis_lib import chapter2
 from thesis_lib.chapter2 import estimators, kl_quadratic
 from thesis_lib.chapter2.settings import against_the_natural_gradient, against_vanilla
-from thesis_lib.edition.ledger import Claim, Verdict, read_chapter
+from thesis_lib.edition.chapters import read_chapter
+from thesis_lib.edition.ledger import Claim, Verdict
 
 CHAPTER = read_chapter(chapter2)
 BY_ID: dict[str, Claim] = {claim.id: claim for claim in CHAPTER.claims}

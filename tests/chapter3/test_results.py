@@ -3,7 +3,7 @@
 import pytest
 
 from thesis_lib import chapter3
-from thesis_lib.edition.ledger import read_chapter
+from thesis_lib.edition.chapters import read_chapter
 
 CHAPTER = read_chapter(chapter3)
 

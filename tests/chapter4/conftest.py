@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 
 from thesis_lib import chapter4
+from thesis_lib.edition.chapters import read_chapter
 from thesis_lib.edition.experiment import Experiment
-from thesis_lib.edition.ledger import read_chapter
 
 
 class Smoke(Mapping[str, pd.DataFrame]):

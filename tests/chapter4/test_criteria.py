@@ -7,7 +7,8 @@ import pytest
 
 from thesis_lib import chapter4
 from thesis_lib.chapter4.appendix_b import STATEMENTS
-from thesis_lib.edition.ledger import Verdict, read_chapter
+from thesis_lib.edition.chapters import read_chapter
+from thesis_lib.edition.ledger import Verdict
 
 BY_ID = {claim.id: claim for claim in read_chapter(chapter4).claims}
 YES, NEARLY, NO, WRONG = (

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from thesis_lib import chapter4
-from thesis_lib.edition.ledger import Verdict, read_chapter
+from thesis_lib.edition.chapters import read_chapter
+from thesis_lib.edition.ledger import Verdict
 
 CHAPTER = read_chapter(chapter4)
 NOTEBOOKS = (Path(__file__).resolve().parents[2] / "notebooks").glob("ch04_*.ipynb")

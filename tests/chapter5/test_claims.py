@@ -7,7 +7,8 @@ from tests.chapter5.worlds import NULL, OPPOSITE, THESIS, World
 from thesis_lib import chapter5
 from thesis_lib.chapter5 import calibration, contrasts, table_5_6
 from thesis_lib.chapter5.contrasts import Config
-from thesis_lib.edition.ledger import Verdict, read_chapter
+from thesis_lib.edition.chapters import read_chapter
+from thesis_lib.edition.ledger import Verdict
 
 CHAPTER = read_chapter(chapter5, chapter5.BENCHMARK)
 CLAIMS = {claim.id: claim for claim in CHAPTER.claims}

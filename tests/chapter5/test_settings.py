@@ -9,7 +9,7 @@ import pytest
 
 from thesis_lib import chapter5
 from thesis_lib.chapter5 import options, precision
-from thesis_lib.edition.ledger import read_chapter
+from thesis_lib.edition.chapters import read_chapter
 from thesis_lib.optimisation import TRPO, Learner, LinearBaseline
 from thesis_lib.optimisation.baseline import CLIP
 from thesis_lib.policies import ARCHITECTURES, make_policy

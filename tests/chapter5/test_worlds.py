@@ -19,7 +19,8 @@ from thesis_lib.chapter5 import (
     untrained,
 )
 from thesis_lib.chapter5.open_loop import NAME, SMOKE_SEARCH, Gait, find_gait
-from thesis_lib.edition.ledger import Verdict, read_chapter
+from thesis_lib.edition.chapters import read_chapter
+from thesis_lib.edition.ledger import Verdict
 from thesis_lib.locomotion import rendering
 from thesis_lib.locomotion.batch import BatchTask
 from thesis_lib.locomotion.robots import ROBOTS

@@ -98,7 +98,7 @@ def test_every_claim_of_the_ledger_is_whole():
 
 def test_ids_are_unique(monkeypatch):
     monkeypatch.setattr(chapters, "CHAPTERS", ("one", "two"))
-    monkeypatch.setattr(chapters, "chapter", lambda name: ledger.Chapter((), (CLAIM,), ()))
+    monkeypatch.setattr(chapters, "chapter", lambda name: chapters.Chapter((), (CLAIM,), ()))
     with pytest.raises(RuntimeError, match="twice"):
         chapters.claims()
 
@@ -142,7 +142,7 @@ class TestReadChapter:
 
     @pytest.fixture(autouse=True)
     def _modules(self, monkeypatch):
-        monkeypatch.setattr(ledger, "import_module", lambda name: self.module)
+        monkeypatch.setattr(chapters, "import_module", lambda name: self.module)
 
     def chapter(self, tmp_path, words=WORDS, **members):
         (tmp_path / "claims.toml").write_text(words)
@@ -150,7 +150,7 @@ class TestReadChapter:
         package = SimpleNamespace(
             __name__="toys", __file__=str(tmp_path / "__init__.py"), RESULTS=("toy",)
         )
-        return ledger.read_chapter(package)
+        return chapters.read_chapter(package)
 
     def test_words_and_functions_meet(self, tmp_path):
         chapter = self.chapter(tmp_path)
@@ -166,10 +166,10 @@ class TestReadChapter:
     def test_a_page_may_be_about_some_of_the_results(self, tmp_path):
         self.chapter(tmp_path)
         package = SimpleNamespace(__name__="toys", __file__=str(tmp_path / "__init__.py"))
-        own = ledger.read_chapter(package, ("toy",))
+        own = chapters.read_chapter(package, ("toy",))
         assert [claim.id for claim in own.claims] == ["0.1-toy"]
         assert [row.id for row in own.differences] == ["0.1-row"]
-        assert ledger.read_chapter(package, ()) == ledger.Chapter((), (), ())
+        assert chapters.read_chapter(package, ()) == chapters.Chapter((), (), ())
 
     def test_what_cannot_be_tested_may_be_illustrated(self, tmp_path):
         shown = criterion("0.2-lost", TOY)(lambda table: Finding(Verdict.REPRODUCED, "Ours does."))
@@ -218,6 +218,6 @@ def test_a_claim_that_rests_on_others(verdicts, expected):
 def test_a_claim_cannot_rest_on_what_is_not_there(monkeypatch):
     monkeypatch.setattr(chapters, "CHAPTERS", ("one",))
     lost = replace(CLAIM, rests_on=("9.9",))
-    monkeypatch.setattr(chapters, "chapter", lambda name: ledger.Chapter((), (lost,), ()))
+    monkeypatch.setattr(chapters, "chapter", lambda name: chapters.Chapter((), (lost,), ()))
     with pytest.raises(RuntimeError, match=r"rests on '9\.9'"):
         chapters.claims()

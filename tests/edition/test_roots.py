@@ -51,6 +51,7 @@ def known(monkeypatch):
     """Two experiments, one of which draws."""
     made = {"drawn": toy("drawn", drawn), "fixed": toy("fixed", fixed)}
     monkeypatch.setattr(roots, "_experiments", lambda: made)
+    monkeypatch.setattr(roots, "place", lambda experiment: ("toys", experiment.id))
     return made
 
 
@@ -131,24 +132,6 @@ def test_smoke_judges_nothing(tmp_path):
 def test_at_least_one(tmp_path, n, workers, message):
     with pytest.raises(ValueError, match=message):
         roots.judge_over(CLAIMS, n, budget="book", workers=workers, work=tmp_path)
-
-
-def test_code_counts_and_its_dress_does_not():
-    plain = "def f(x):\n    return x + 1\n"
-    dressed = '"""Module."""\n\n\ndef f(x):\n    """Adds."""\n    return x + 1  # one\n'
-    figure = plain + "def g(x) -> Figure:\n    return x\n"
-    listed = plain + "RESULTS = ('f',)\n"
-    other = plain + "def h(x):\n    return x\n"
-    assert roots._deciding(plain) == roots._deciding(listed)
-    assert roots._deciding(plain) == roots._deciding(dressed) == roots._deciding(figure)
-    assert roots._deciding(plain) != roots._deciding(other)
-    assert roots._deciding(plain) != roots._deciding(plain.replace("1", "2"))
-
-
-def test_of_a_tables_own_file_only_what_its_function_reaches_counts():
-    code = "A = 1\ndef g():\n    return A\ndef f():\n    return g()\ndef judge():\n    return 2\n"
-    assert roots._deciding(code, "f") == roots._deciding(code.replace("2", "3"), "f")
-    assert roots._deciding(code, "f") != roots._deciding(code.replace("1", "3"), "f")
 
 
 def test_a_config_counts():

@@ -1,24 +1,156 @@
-"""All chapters: their experiments, claims and differences.
+"""Chapters: their experiments, claims and differences.
 
-They are imported when asked for, so that a notebook depends on its own chapter only.
+A chapter's words stand in its ``claims.toml``, its functions in its modules; they are brought
+together here.  Chapters are imported when asked for, so that a notebook depends on its own only.
 """
 
 from __future__ import annotations
 
 import difflib
+import tomllib
 import warnings
 from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from importlib import import_module
 from itertools import chain
+from pathlib import Path
+from types import ModuleType
 from typing import Any, TypeVar
 
 from thesis_lib.edition.experiment import Experiment
-from thesis_lib.edition.ledger import Chapter, Claim, Difference, read_chapter
+from thesis_lib.edition.ledger import (
+    Claim,
+    Criterion,
+    Difference,
+    Effect,
+    Finding,
+    Tables,
+    Verdict,
+)
 
 CHAPTERS = ("chapter2", "chapter3", "appendix_a", "chapter4", "chapter5", "chapter6")
 """In the order in which they are listed."""
 
 ItemT = TypeVar("ItemT", Experiment[Any], Claim, Difference)
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """What a chapter of the edition holds, in its order.
+
+    Attributes
+    ----------
+    experiments, claims, differences
+        Of all its results.
+    """
+
+    experiments: tuple[Experiment[Any], ...]
+    claims: tuple[Claim, ...]
+    differences: tuple[Difference, ...]
+
+
+def read_chapter(package: ModuleType, results: Sequence[str] | None = None) -> Chapter:
+    """Bring a chapter's results and the words in its ``claims.toml`` together.
+
+    Parameters
+    ----------
+    package
+        Such as ``thesis_lib.chapter3``; its ``RESULTS`` are the names of its modules in order.
+    results
+        Only these of its modules; what the others judge and tell is then left out.
+
+    Raises
+    ------
+    RuntimeError
+        If a claim has no criterion, no reason why it cannot be tested and none to rest on, or a
+        difference not exactly one effect.
+    """
+    chosen = package.RESULTS if results is None else results
+    modules = [import_module(f"{package.__name__}.{name}") for name in chosen]
+    found = [item for module in modules for item in vars(module).values()]
+    file = Path(str(package.__file__)).with_name("claims.toml")
+    words = tomllib.loads(file.read_text(encoding="utf-8"))
+    criteria = _only_one(x for x in found if isinstance(x, Criterion))
+    effects = _only_one(x for x in found if isinstance(x, Effect))
+    claims = tuple(
+        _claim(told, criteria)
+        for told in words.get("claim", ())
+        if results is None or told["id"] in criteria
+    )
+    known = {claim.id: claim for claim in claims}
+    differences = tuple(
+        _difference(told, effects, known)
+        for told in words.get("difference", ())
+        if results is None or told["id"] in effects or told.get("claim") in known
+    )
+    for kind, unused in (("claim", criteria), ("difference", effects)):
+        if unused:
+            raise RuntimeError(f"claims.toml has no {kind} {next(iter(unused))!r}.")
+    # A result may rest on another's experiment, which then is a member of both modules.
+    experiments = {x.id: x for x in found if isinstance(x, Experiment)}
+    return Chapter(tuple(experiments.values()), claims, differences)
+
+
+def _only_one(found: Iterable[Criterion | Effect]) -> dict[str, Any]:
+    """What judges or tells each claim or difference, by its id."""
+    by: dict[str, Criterion | Effect] = {}
+    for item in found:
+        if by.setdefault(item.subject, item) is not item:
+            raise RuntimeError(f"{item.subject!r} has two functions, but must have one.")
+    return by
+
+
+def _claim(told: dict[str, Any], criteria: dict[str, Criterion]) -> Claim:
+    """A claim from its words; its criterion is taken out of those given."""
+    reason = told.pop("not_testable", None)
+    own = criteria.pop(told["id"], None)
+    rests_on = tuple(told.pop("rests_on", ()))
+    if (own is not None or reason is not None) + bool(rests_on) != 1:
+        raise RuntimeError(
+            f"claim {told['id']!r} must have a criterion or a `not_testable`, or else a `rests_on`."
+        )
+    if rests_on:
+        told["criterion"] = f"That of {' and '.join(f'`{x}`' for x in rests_on)}."
+        # chapters.claims() finds the claims, which may be another chapter's.
+        return Claim(**told, experiments=(), judge=_unresolved, rests_on=rests_on)
+    if reason is not None:
+
+        def illustrated(tables: Tables) -> Finding:
+            """Not testable; what a criterion finds besides is an illustration."""
+            shown = f" {own.of(tables).evidence}" if own else ""
+            return Finding(Verdict.NOT_TESTABLE, f"{reason}{shown}")
+
+        needs = own.needs if own else ()
+        return Claim(**{"criterion": "None.", **told}, experiments=needs, judge=illustrated)
+    assert own is not None
+    return Claim(**told, experiments=own.needs, judge=own.of, criteria=(own,))
+
+
+def _unresolved(tables: Tables) -> Finding:
+    raise RuntimeError("a claim that rests on others is judged through chapters.claims() only.")
+
+
+def _difference(
+    told: dict[str, Any], effects: dict[str, Effect], claims: Mapping[str, Claim]
+) -> Difference:
+    """A difference from its words: its effect is told, computed, or the evidence of a claim."""
+    own, claim = effects.pop(told["id"], None), told.pop("claim", None)
+    if (own is not None) + (claim is not None) + ("effect" in told) != 1:
+        raise RuntimeError(
+            f"difference {told['id']!r} must have exactly one of an `effect`, a `claim` whose "
+            "evidence tells it, and a function."
+        )
+    if own is not None:
+        return Difference(**told, effect=own.of, experiments=own.needs)
+    if claim is not None:
+        judge = claims[claim].judge
+        return Difference(
+            **told,
+            effect=lambda tables: judge(tables).evidence,
+            experiments=claims[claim].experiments,
+        )
+    return Difference(**told)
 
 
 def chapter(name: str) -> Chapter:

@@ -1,128 +1,48 @@
 """What an experiment is, and how its table and provenance reach the disk.
 
-An experiment is a function from a frozen config dataclass to rows, one an observation.  A row
-is a dataclass too: its fields are the table's columns, and the words under them document them.
+An experiment is a function from a frozen config dataclass and a context to rows, one an
+observation (``context.py`` and ``rows.py``, which a result's file has from here).
 :func:`experiment` takes everything else from the function it decorates.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import inspect
 import json
 import os
-import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import wraps
 from pathlib import Path
 from typing import Any, Generic, TypeVar, get_args, get_type_hints
 
-import docstring_parser
-import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike
-from tqdm import tqdm
 
 from thesis_lib.checkout import environment, repository_root
-from thesis_lib.checks import as_json, check_seed, plain, plain_settings, shown
+from thesis_lib.checks import as_json, check_seed, plain, shown
 from thesis_lib.edition.budgets import BUDGETS, check_budget
+from thesis_lib.edition.context import Context
+from thesis_lib.edition.rows import Returns, columns_of, returns, table_of
 from thesis_lib.files import replacing, writable_directory
-from thesis_lib.stats import mean_ci
 from thesis_lib.surroundings import own_settings
+
+__all__ = [
+    "Context",
+    "Experiment",
+    "Result",
+    "Returns",
+    "experiment",
+    "load",
+    "read_csv",
+    "results_directory",
+    "returns",
+]
 
 ROWS_IN_CSV = 20_000
 """A table with more rows is written as parquet."""
 
 ConfigT = TypeVar("ConfigT")
-ItemT = TypeVar("ItemT")
-ResultT = TypeVar("ResultT")
-
-
-@dataclass(frozen=True)
-class Context:
-    """What a run is given besides its config.
-
-    Attributes
-    ----------
-    seed
-        All randomness comes from it.
-    workers
-        How many threads may work; the result does not depend on it.
-    drawn
-        Whether the run has asked for the seed so far; a result of one that never does is exact.
-    """
-
-    seed: int = 0
-    workers: int = 1
-    drawn: bool = field(default=False, init=False, repr=False, compare=False)
-
-    def __getattribute__(self, name: str) -> Any:
-        if name == "seed":
-            object.__setattr__(self, "drawn", True)
-        return super().__getattribute__(name)
-
-    def __post_init__(self) -> None:
-        check_seed(self.seed)
-        plain_settings(self)
-        object.__setattr__(self, "drawn", False)
-        if self.workers < 1:
-            raise ValueError(f"workers is {self.workers}, but at least 1 worker is needed.")
-
-    def seeds(self, n: int, *key: int) -> list[np.random.SeedSequence]:
-        """Independent seed sequences for n runs.
-
-        Parameters
-        ----------
-        n
-            How many.
-        *key
-            Integers that set this use of the seed apart from others, such as the index
-            of a configuration.
-        """
-        if n < 0:
-            raise ValueError(f"the number of runs is {n}, but at least 1 is needed.")
-        return np.random.SeedSequence(self.seed, spawn_key=tuple(key)).spawn(n)
-
-    def map(
-        self,
-        function: Callable[[ItemT], ResultT],
-        items: Iterable[ItemT],
-        label: str = "",
-    ) -> list[ResultT]:
-        """Apply a function to every item, on ``workers`` threads, in order.
-
-        The learners are compiled and release the interpreter's lock, so that threads
-        run side by side.  A progress bar shows on a terminal and nowhere else.
-        """
-        work = list(items)
-        with progress(total=len(work), label=label) as bar:
-            if self.workers == 1:
-                results = []
-                for item in work:
-                    results.append(function(item))
-                    bar.update()
-                return results
-            with ThreadPoolExecutor(self.workers) as pool:
-                results = []
-                try:
-                    for result in pool.map(function, work):
-                        results.append(result)
-                        bar.update()
-                except BaseException:
-                    pool.shutdown(cancel_futures=True)
-                    raise
-                return results
-
-
-@contextmanager
-def progress(total: int, label: str = "") -> Iterator[tqdm]:
-    """A progress bar on stderr when it is a terminal, silence elsewhere."""
-    with tqdm(total=total, desc=label, disable=not sys.stderr.isatty(), leave=False) as bar:
-        yield bar
 
 
 @dataclass(frozen=True)
@@ -317,62 +237,6 @@ def experiment(
         )
 
     return make
-
-
-@dataclass(frozen=True)
-class Returns:
-    """Base of rows that tell returns of independent runs."""
-
-    mean_return: float
-    """Mean total reward of a run."""
-    ci95: float
-    """Half-width of its 95% t interval over runs."""
-    sd: float
-    """Standard deviation over runs."""
-    n_runs: int
-    """Number of runs."""
-
-
-def returns(values: ArrayLike) -> dict[str, Any]:
-    """The fields of :class:`Returns`, for runs of any shape, one number each."""
-    total = np.asarray(values, dtype=float)
-    summary = mean_ci(total)
-    return {
-        "mean_return": summary.mean,
-        "ci95": summary.half_width,
-        "sd": float(total.std(ddof=1)),
-        "n_runs": summary.n,
-    }
-
-
-def column_names(row: type) -> list[str]:
-    """Fields of a row in the table's order: its own before those it inherits."""
-    own = [inspect.get_annotations(cls) for cls in row.__mro__]
-    return list(dict.fromkeys(name for names in own for name in names))
-
-
-def columns_of(row: type) -> dict[str, str]:
-    """Meaning of each field of a row, from the words under it in the dataclass.
-
-    Raises
-    ------
-    ValueError
-        If a field has none.
-    """
-    told: dict[str, str | None] = {}
-    for cls in row.__mro__[-2::-1]:
-        found = docstring_parser.parse_from_object(cls).params
-        told |= {p.arg_name: p.description for p in found}
-    for name in column_names(row):
-        if not told.get(name):
-            raise ValueError(f"{row.__name__}.{name} is not documented: say below it what it is.")
-    return {name: " ".join(str(told[name]).split()).rstrip(".") for name in column_names(row)}
-
-
-def table_of(row: type, records: Sequence[Any]) -> pd.DataFrame:
-    """A tidy table of rows of one dataclass, its fields the columns."""
-    names = column_names(row)
-    return pd.DataFrame({name: [getattr(record, name) for record in records] for name in names})
 
 
 @dataclass(frozen=True)

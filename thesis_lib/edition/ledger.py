@@ -9,13 +9,10 @@ written from here.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 from typing import Any, ClassVar, Literal
 
 import pandas as pd
@@ -107,6 +104,8 @@ class Claim:
         Label of the section of our book where it is tested.
     figure
         Label of the figure or table there that shows it.
+    criteria
+        The functions that judge: its own, or those of the claims it rests on.
     """
 
     id: str
@@ -121,6 +120,7 @@ class Claim:
     rests_on: tuple[str, ...] = ()
     at: str = ""
     figure: str = ""
+    criteria: tuple[Criterion, ...] = ()
 
     def resting_on(self, parts: Sequence[Claim]) -> Claim:
         """The claim judged by those it rests on, given in order.
@@ -143,7 +143,8 @@ class Claim:
             )
             return Finding(verdicts.pop() if len(verdicts) == 1 else verdict, f"{told}.")
 
-        return replace(self, experiments=experiments, judge=judge)
+        criteria = tuple(c for part in parts for c in part.criteria)
+        return replace(self, experiments=experiments, judge=judge, criteria=criteria)
 
 
 @dataclass(frozen=True)
@@ -223,124 +224,6 @@ def effect_of(
 ) -> Callable[[Callable[..., str]], Effect]:
     """Make a function of the tables of some experiments tell what a difference changes."""
     return lambda function: Effect(difference, experiments, function)
-
-
-@dataclass(frozen=True)
-class Chapter:
-    """What a chapter of the edition holds, in its order.
-
-    Attributes
-    ----------
-    experiments, claims, differences
-        Of all its results.
-    """
-
-    experiments: tuple[Experiment[Any], ...]
-    claims: tuple[Claim, ...]
-    differences: tuple[Difference, ...]
-
-
-def read_chapter(package: ModuleType, results: Sequence[str] | None = None) -> Chapter:
-    """Bring a chapter's results and the words in its ``claims.toml`` together.
-
-    Parameters
-    ----------
-    package
-        Such as ``thesis_lib.chapter3``; its ``RESULTS`` are the names of its modules in order.
-    results
-        Only these of its modules; what the others judge and tell is then left out.
-
-    Raises
-    ------
-    RuntimeError
-        If a claim has no criterion, no reason why it cannot be tested and none to rest on, or a
-        difference not exactly one effect.
-    """
-    chosen = package.RESULTS if results is None else results
-    modules = [import_module(f"{package.__name__}.{name}") for name in chosen]
-    found = [item for module in modules for item in vars(module).values()]
-    file = Path(str(package.__file__)).with_name("claims.toml")
-    words = tomllib.loads(file.read_text(encoding="utf-8"))
-    criteria = _only_one(x for x in found if isinstance(x, Criterion))
-    effects = _only_one(x for x in found if isinstance(x, Effect))
-    claims = tuple(
-        _claim(told, criteria)
-        for told in words.get("claim", ())
-        if results is None or told["id"] in criteria
-    )
-    known = {claim.id: claim for claim in claims}
-    differences = tuple(
-        _difference(told, effects, known)
-        for told in words.get("difference", ())
-        if results is None or told["id"] in effects or told.get("claim") in known
-    )
-    for kind, unused in (("claim", criteria), ("difference", effects)):
-        if unused:
-            raise RuntimeError(f"claims.toml has no {kind} {next(iter(unused))!r}.")
-    # A result may rest on another's experiment, which then is a member of both modules.
-    experiments = {x.id: x for x in found if isinstance(x, Experiment)}
-    return Chapter(tuple(experiments.values()), claims, differences)
-
-
-def _only_one(found: Iterable[_OfTables]) -> dict[str, Any]:
-    """What judges or tells each claim or difference, by its id."""
-    by: dict[str, _OfTables] = {}
-    for item in found:
-        if by.setdefault(item.subject, item) is not item:
-            raise RuntimeError(f"{item.subject!r} has two functions, but must have one.")
-    return by
-
-
-def _claim(told: dict[str, Any], criteria: dict[str, Criterion]) -> Claim:
-    """A claim from its words; its criterion is taken out of those given."""
-    reason = told.pop("not_testable", None)
-    own = criteria.pop(told["id"], None)
-    rests_on = tuple(told.pop("rests_on", ()))
-    if (own is not None or reason is not None) + bool(rests_on) != 1:
-        raise RuntimeError(
-            f"claim {told['id']!r} must have a criterion or a `not_testable`, or else a `rests_on`."
-        )
-    if rests_on:
-        told["criterion"] = f"That of {' and '.join(f'`{x}`' for x in rests_on)}."
-        # chapters.claims() finds the claims, which may be another chapter's.
-        return Claim(**told, experiments=(), judge=_unresolved, rests_on=rests_on)
-    if reason is not None:
-
-        def illustrated(tables: Tables) -> Finding:
-            """Not testable; what a criterion finds besides is an illustration."""
-            shown = f" {own.of(tables).evidence}" if own else ""
-            return Finding(Verdict.NOT_TESTABLE, f"{reason}{shown}")
-
-        needs = own.needs if own else ()
-        return Claim(**{"criterion": "None.", **told}, experiments=needs, judge=illustrated)
-    assert own is not None
-    return Claim(**told, experiments=own.needs, judge=own.of)
-
-
-def _unresolved(tables: Tables) -> Finding:
-    raise RuntimeError("a claim that rests on others is judged through chapters.claims() only.")
-
-
-def _difference(
-    told: dict[str, Any], effects: dict[str, Effect], claims: Mapping[str, Claim]
-) -> Difference:
-    """A difference from its words: its effect is told, computed, or the evidence of a claim."""
-    own, claim = effects.pop(told["id"], None), told.pop("claim", None)
-    if (own is not None) + (claim is not None) + ("effect" in told) != 1:
-        raise RuntimeError(
-            f"difference {told['id']!r} must have exactly one of an `effect`, a `claim` whose "
-            "evidence tells it, and a function."
-        )
-    if own is not None:
-        return Difference(**told, effect=own.of, experiments=own.needs)
-    if claim is not None:
-        judge = claims[claim].judge
-        return Difference(
-            **told,
-            effect=lambda tables: judge(tables).evidence,
-            experiments=claims[claim].experiments,
-        )
-    return Difference(**told)
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from IPython.display import display
 from threadpoolctl import threadpool_limits
 
 from thesis_lib.edition import roots
+from thesis_lib.edition.chapters import read_chapter
 from thesis_lib.edition.deepest import deepest
 from thesis_lib.edition.experiment import Experiment, check_budget, check_seed
 from thesis_lib.edition.ledger import (
@@ -38,7 +39,6 @@ from thesis_lib.edition.ledger import (
     Judgement,
     OverRoots,
     finding,
-    read_chapter,
 )
 from thesis_lib.edition.plots import use_style
 

@@ -12,10 +12,7 @@ other code.  What it finds is committed as ``results/claims/verdicts.csv``, whic
 
 from __future__ import annotations
 
-import ast
 import dataclasses
-import hashlib
-import inspect
 import json
 import math
 from collections import Counter
@@ -35,9 +32,9 @@ from thesis_lib.checkout import commit, repository_root
 from thesis_lib.checks import ForeseenError
 from thesis_lib.edition import chapters
 from thesis_lib.edition.experiment import Experiment, load, read_csv
-from thesis_lib.edition.ledger import Claim, Criterion, Finding, OverRoots, Verdict, finding
+from thesis_lib.edition.ledger import Claim, Finding, OverRoots, Verdict, finding
+from thesis_lib.edition.reach import digest, place
 from thesis_lib.files import replacing, writable_directory
-from thesis_lib.imports import closure, data_files
 
 COLUMNS = ("claim", "root", "verdict", "budget", "numbers", "code", "commit")
 """Of ``verdicts.csv``.  Root 0 stands for evidence that is exact; ``numbers`` are those that
@@ -151,86 +148,15 @@ def make(jobs: Sequence[Job], workers: int, say: Callable[[str], None]) -> None:
 
 # ------------------------------------------------------------------------------ code
 def code_of_table(experiment: Experiment[Any], budget: str) -> str:
-    """Digest of a config and of the code that makes a table of it.
-
-    In the experiment's own file only what its function reaches counts, so that a criterion or a
-    figure can be changed without making the table again.
-    """
-    function = experiment.function
-    return _digest([function], repr(_read_config(experiment, budget)), reached=function)
+    """Digest of a config and of the code that makes a table of it."""
+    return digest([place(experiment)], repr(_read_config(experiment, budget)))
 
 
 def code_of_claim(claim: Claim, budget: str) -> str:
     """Digest of what makes and judges a claim's evidence."""
-    owner = getattr(claim.judge, "__self__", None)
-    judge = owner.function if isinstance(owner, Criterion) else claim.judge
     known = [_experiments()[e] for e in claim.experiments]
     configs = [repr(_read_config(e, budget)) for e in known]
-    return _digest([judge, *(e.function for e in known)], *claim.rests_on, *configs)
-
-
-def _digest(
-    functions: Iterable[Callable[..., Any]],
-    *texts: str,
-    reached: Callable[..., Any] | None = None,
-) -> str:
-    """Hash of texts and of the code some functions rest on.
-
-    Comments, docstrings, figures and the framework of the edition decide no number and are left
-    out.
-    """
-    root = Path(inspect.getfile(chapters)).parents[2]
-    modules = {
-        name: file
-        for name, file in closure(
-            sorted({f"import {f.__module__}" for f in functions}), root
-        ).items()
-        if not name.startswith("thesis_lib.edition.")
-        or (reached is None and name.endswith(".criteria"))
-    }
-    hashed = hashlib.sha256("\0".join(texts).encode())
-    for name, file in modules.items():
-        start = reached.__name__ if reached and reached.__module__ == name else ""
-        hashed.update(_deciding(file.read_text(encoding="utf-8"), start).encode())
-    for file in data_files(modules):
-        if file.name != "claims.toml":
-            hashed.update(file.read_bytes())
-    return hashed.hexdigest()[:12]
-
-
-@cache
-def _deciding(source: str, start: str = "") -> str:
-    """What of Python source decides a number, or only what one of its functions reaches."""
-    tree = ast.parse(source)
-    for node in ast.walk(tree):
-        if isinstance(body := getattr(node, "body", None), list):
-            node.body = [x for x in body if not _decides_nothing(x)]  # type: ignore[attr-defined]
-    if not start:
-        return ast.dump(tree)
-    by: dict[str, ast.stmt] = {}
-    for node in tree.body:
-        named = [node.name] if isinstance(node, ast.FunctionDef | ast.ClassDef) else [
-            x.id for x in ast.walk(node) if isinstance(x, ast.Name) and isinstance(x.ctx, ast.Store)
-        ]  # fmt: skip
-        by |= dict.fromkeys(named, node)
-    found: dict[str, str] = {}
-    waiting = {start}
-    while waiting:
-        name = waiting.pop()
-        if name in by and name not in found:
-            found[name] = ast.dump(by[name])
-            waiting |= {x.id for x in ast.walk(by[name]) if isinstance(x, ast.Name)}
-    return "".join(found[name] for name in sorted(found))
-
-
-def _decides_nothing(node: ast.stmt) -> bool:
-    """Whether a statement is a docstring, a figure's definition or the list of results."""
-    if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
-        return True
-    if isinstance(node, ast.Assign):
-        return ast.unparse(node.targets[0]) == "RESULTS"
-    returns = node.returns if isinstance(node, ast.FunctionDef) else None
-    return returns is not None and ast.unparse(returns) == "Figure"
+    return digest([place(x) for x in (*claim.criteria, *known)], *claim.rests_on, *configs)
 
 
 # ------------------------------------------------------------------------------ verdicts
