@@ -23,9 +23,10 @@ import numpy as np
 from scipy.stats import multivariate_normal
 
 from thesis_lib.locomotion.batch import BatchTask
+from thesis_lib.locomotion.height_field import HeightField
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.locomotion.tasks import make_task
-from thesis_lib.locomotion.terrain import PRESETS, HeightField, hills
+from thesis_lib.locomotion.terrain import PRESETS, hills
 
 FACTORS = (0.5, 1.0, 1.5, 2.0, 4.0)
 """Distances between nodes, as multiples of the default."""

@@ -23,8 +23,8 @@ from thesis_lib.edition.chapters import read_chapter
 from thesis_lib.edition.ledger import Verdict
 from thesis_lib.locomotion import rendering
 from thesis_lib.locomotion.batch import BatchTask
+from thesis_lib.locomotion.height_field import HeightField
 from thesis_lib.locomotion.robots import ROBOTS
-from thesis_lib.locomotion.terrain import HeightField
 
 OPENING = (
     *(tasks.by_robot, ground.maps, ground.starts, untrained.episodes, recovery.runs),

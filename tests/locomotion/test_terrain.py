@@ -14,16 +14,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from thesis_lib.locomotion.terrain import (
-    PATCH,
-    PRESETS,
-    SUNK,
-    SWITCH_AT,
-    HeightField,
-    greens,
-    hill_maps,
-    hills,
-)
+from thesis_lib.locomotion.height_field import HeightField
+from thesis_lib.locomotion.terrain import PATCH, PRESETS, SUNK, SWITCH_AT, greens, hill_maps, hills
 
 ROBOTS = ("Swimmer", "Hopper", "HalfCheetah", "Walker2d", "Ant")
 FLOOR = {"Swimmer": -0.1, "Hopper": 0.0, "HalfCheetah": 0.0, "Walker2d": 0.0, "Ant": 0.0}

@@ -5,13 +5,8 @@ import pytest
 
 from thesis_lib.domains import Domain, continuing_cliff, episodic_cliff
 from thesis_lib.mdp.model import TabularMDP
-from thesis_lib.potentials.cross_task_policy import (
-    OBJECTIVES,
-    CrossTaskProblem,
-    GeneticAlgorithm,
-    gradient_ascent,
-    softmax_policy,
-)
+from thesis_lib.potentials.cross_task_policy import GeneticAlgorithm, gradient_ascent
+from thesis_lib.potentials.cross_task_problem import OBJECTIVES, CrossTaskProblem, softmax_policy
 
 DOMAINS = {"episodic": episodic_cliff(), "continuing": continuing_cliff(discount=0.9)}
 

@@ -16,7 +16,7 @@ from thesis_lib.edition.criteria import EXACT, exact
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, criterion
 from thesis_lib.edition.plots import COLOURS, PRINTED
-from thesis_lib.potentials.cross_task_policy import CrossTaskProblem
+from thesis_lib.potentials.cross_task_problem import CrossTaskProblem
 
 STATES = 4
 

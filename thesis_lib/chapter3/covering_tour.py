@@ -26,7 +26,8 @@ from thesis_lib.edition.criteria import Pair, ordered
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.mdp import TabularMDP
-from thesis_lib.potentials.cross_task_policy import CrossTaskProblem, gradient_ascent
+from thesis_lib.potentials.cross_task_policy import gradient_ascent
+from thesis_lib.potentials.cross_task_problem import CrossTaskProblem
 from thesis_lib.stats import Summary, mean_ci
 
 MOVES = ((0, 1), (1, 0), (0, -1), (-1, 0))

@@ -15,11 +15,8 @@ from thesis_lib.edition.criteria import share_at_least
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.words import number
-from thesis_lib.potentials.cross_task_policy import (
-    CrossTaskProblem,
-    GeneticAlgorithm,
-    gradient_ascent,
-)
+from thesis_lib.potentials.cross_task_policy import GeneticAlgorithm, gradient_ascent
+from thesis_lib.potentials.cross_task_problem import CrossTaskProblem
 
 
 @dataclass(frozen=True)

@@ -23,11 +23,8 @@ from thesis_lib.mdp.batched import TaskBatch
 from thesis_lib.mdp.learning import Method
 from thesis_lib.mdp.sampling import loop_array
 from thesis_lib.potentials import Weighting
-from thesis_lib.potentials.cross_task_policy import (
-    CrossTaskProblem,
-    GeneticAlgorithm,
-    gradient_ascent,
-)
+from thesis_lib.potentials.cross_task_policy import GeneticAlgorithm, gradient_ascent
+from thesis_lib.potentials.cross_task_problem import CrossTaskProblem
 
 Potential = Literal["none", "Q_star", "Q_tilde", "Q_mu", "constant"]
 POTENTIALS: tuple[Potential, ...] = ("none", "Q_star", "Q_tilde", "Q_mu", "constant")

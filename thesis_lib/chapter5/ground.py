@@ -18,8 +18,9 @@ from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion, effect_of
 from thesis_lib.edition.plots import COLOURS
 from thesis_lib.locomotion.batch import BatchTask
+from thesis_lib.locomotion.height_field import Extent, HeightField
 from thesis_lib.locomotion.robots import ROBOTS, Ground
-from thesis_lib.locomotion.terrain import PATCH, PRESETS, Extent, HeightField, hill_maps
+from thesis_lib.locomotion.terrain import PATCH, PRESETS, hill_maps
 from thesis_lib.stats import mean_ci
 
 SQUARE: Extent = ((-20.0, 20.0), (-20.0, 20.0))

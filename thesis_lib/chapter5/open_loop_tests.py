@@ -15,10 +15,11 @@ from thesis_lib.chapter5.untrained import run_episodes
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import effect_of
 from thesis_lib.locomotion.batch import BatchTask, Perturbation
+from thesis_lib.locomotion.height_field import HeightField
 from thesis_lib.locomotion.perturbations import TerrainSwitch, WhiteNoise
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.locomotion.tasks import TEST_HORIZON, make_task
-from thesis_lib.locomotion.terrain import SWITCH_AT, HeightField, hills
+from thesis_lib.locomotion.terrain import SWITCH_AT, hills
 from thesis_lib.published import TASKS
 
 CONDITIONS = dict(zip(("regular", "noise", "switch"), TESTED.values(), strict=True))

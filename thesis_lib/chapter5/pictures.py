@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from thesis_lib.locomotion import rendering
+from thesis_lib.locomotion.height_field import HeightField
 from thesis_lib.locomotion.robots import ROBOTS
-from thesis_lib.locomotion.terrain import HeightField
 
 
 def gallery(

@@ -21,8 +21,9 @@ import numpy as np
 from thesis_lib.arrays import FloatArray, IntArray
 from thesis_lib.checks import plain_settings
 from thesis_lib.locomotion.batch import Attachment, Effect, Perturbation
+from thesis_lib.locomotion.height_field import Extent
 from thesis_lib.locomotion.robots import ROOT_BODY, Ground, total_mass
-from thesis_lib.locomotion.terrain import Extent, hill_maps
+from thesis_lib.locomotion.terrain import hill_maps
 
 NOISE_ONSET = 100
 """Control step at which the thesis's tests introduce noise (section 5.4)."""

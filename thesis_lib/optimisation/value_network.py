@@ -14,7 +14,7 @@ from torch.nn import functional
 
 from thesis_lib.arrays import FloatArray, IntArray
 from thesis_lib.optimisation.problem import check_positive
-from thesis_lib.policies.base import empty_linear, random_source
+from thesis_lib.policies.initial import empty_linear, random_source
 
 
 def set_gradient(layers: Sequence[nn.Linear], x: Tensor, target: Tensor) -> None:

@@ -10,7 +10,8 @@ import torch
 from scipy.sparse.linalg import ArpackNoConvergence, eigs
 from torch import Tensor
 
-from thesis_lib.policies.base import Linearised, Sequences, glorot_, random_source, uniform_
+from thesis_lib.policies.base import Linearised, Sequences
+from thesis_lib.policies.initial import glorot_, random_source, uniform_
 from thesis_lib.policies.recurrence import RecurrentLinearised
 from thesis_lib.policies.recurrent import Recur, RecurrentPolicy
 

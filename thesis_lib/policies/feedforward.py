@@ -10,14 +10,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from thesis_lib.policies.base import (
-    GaussianPolicy,
-    Linearised,
-    Sequences,
-    empty_linear,
-    glorot_,
-    random_source,
-)
+from thesis_lib.policies.base import GaussianPolicy, Linearised, Sequences
+from thesis_lib.policies.initial import empty_linear, glorot_, random_source
 
 Activation = Callable[[Tensor], Tensor]
 

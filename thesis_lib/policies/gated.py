@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from thesis_lib.policies.base import glorot_, orthogonal_, random_source
+from thesis_lib.policies.initial import glorot_, orthogonal_, random_source
 from thesis_lib.policies.recurrent import Recur, RecurrentPolicy
 
 INITIALISATIONS = ("glorot", "orthogonal")

@@ -24,12 +24,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from thesis_lib.policies.base import (
-    GaussianPolicy,
-    Linearised,
-    Sequences,
-    empty_linear,
-)
+from thesis_lib.policies.base import GaussianPolicy, Linearised, Sequences
+from thesis_lib.policies.initial import empty_linear
 
 Recur = Callable[[Tensor], Tensor]
 

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from thesis_lib.policies.base import glorot_, random_source
+from thesis_lib.policies.initial import glorot_, random_source
 from thesis_lib.policies.recurrent import Recur, RecurrentPolicy
 
 INTEGRATORS = ("heun", "euler", "midpoint")

@@ -1,8 +1,9 @@
 """Potential functions for multi-task reinforcement learning (chapter 3).
 
 The means over tasks that make the three potentials stand in ``averages`` (eqs 3.3 to 3.8),
-optimal initialisation for planning in ``theorem_1``, the search for one policy for all tasks
-in ``cross_task_policy``, and shaping rewards in ``shaping``.
+optimal initialisation for planning in ``theorem_1``, the value of one policy for all tasks in
+``cross_task_problem`` and the search for the best in ``cross_task_policy``, and shaping rewards
+in ``shaping``.
 """
 
 from thesis_lib.potentials.averages import (
