@@ -57,6 +57,14 @@ def test_every_unit_has_a_layer() -> None:
     assert set(UNITS) - {"__init__"} <= set(LEVEL)
 
 
+def test_the_picture_of_the_house_shows_every_unit_in_its_layer() -> None:
+    picture = (ROOT / "CONTRIBUTING.md").read_text().partition("thesis_lib/\n")[2]
+    rows = [line.split() for line in picture.partition("\nnotebooks/")[0].splitlines()]
+    shown = [unit for row in rows for unit in row if unit in LEVEL]
+    assert sorted(shown) == sorted(set(LEVEL))
+    assert [LEVEL[unit] for unit in shown] == sorted(LEVEL.values())
+
+
 @pytest.mark.parametrize("unit", [unit for unit in UNITS if unit in LEVEL])
 def test_imports_run_one_way(unit: str) -> None:
     for file in FILES:

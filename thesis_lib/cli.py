@@ -171,8 +171,8 @@ class Claims:
             for j in judged:
                 over, first = found[j.claim.id], next(iter(j.findings))
                 evidence = j.findings[first].evidence
-                told = f"root {first}: {evidence}" if first else evidence
-                _print_claim(j.claim, f"{str(over.verdict).upper()} ({over.frequency})", told)
+                text = f"root {first}: {evidence}" if first else evidence
+                _print_claim(j.claim, f"{str(over.verdict).upper()} ({over.frequency})", text)
         print(f"{len(chosen)} claims, written to {out / 'verdicts.csv'}")
         return 0
 

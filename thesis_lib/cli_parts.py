@@ -71,23 +71,23 @@ def parsed(
     see = f"see `{command or prog} --help`."
 
     def refuse(event: Any) -> None:
-        told = vars(event)
-        if commands := told.get("subcommand_spec"):
+        fields = vars(event)
+        if commands := fields.get("subcommand_spec"):
             given = f"there is no command {arguments[0]!r}" if arguments else "a command is missing"
             raise ValueError(f"{given}: choose one of {', '.join(commands.parser_from_name)}.")
-        if missing := told.get("missing_arguments"):
+        if missing := fields.get("missing_arguments"):
             names = " and ".join(m.arg.field.intern_name for m in missing)
             raise ValueError(f"`{command or prog}` needs {names}: {see}")
-        if told.get("argument"):
-            flag = told["argument"].lowered
-            why = told.get("message", "").partition("\n\n")[0]
+        if fields.get("argument"):
+            flag = fields["argument"].lowered
+            why = fields.get("message", "").partition("\n\n")[0]
             value = re.search(r"(\[.*\]|'[^']*')\.?$", why)
             has = f"is {value[1]}" if value else "has no value"
             raise ValueError(
                 f"{'/'.join(flag.name_or_flags)} {has}, but takes {flag.metavar}: {see}"
             )
-        if told.get("tokens"):
-            raise ValueError(f"{told['tokens'][0]!r} is not known: {see}")
+        if fields.get("tokens"):
+            raise ValueError(f"{fields['tokens'][0]!r} is not known: {see}")
 
     with tyro_errors.on_parse_error(refuse) if tyro_errors else nullcontext():
         return tyro.cli(kind, args=list(arguments), prog=prog, **options)

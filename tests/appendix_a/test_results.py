@@ -11,7 +11,7 @@ from thesis_lib.appendix_a import figure_a_1, figure_a_2, figure_a_3
 from thesis_lib.appendix_a.figure_a_1 import Config
 from thesis_lib.appendix_a.figure_a_2 import communicating, conflicts
 from thesis_lib.appendix_a.figure_a_3 import crossing
-from thesis_lib.appendix_a.other_numbers import setting
+from thesis_lib.appendix_a.other_numbers import what_holds
 from thesis_lib.domains.appendix_a import figure_a1, figure_a2, policy, state_values
 from thesis_lib.edition.chapters import read_chapter
 from thesis_lib.edition.ledger import Claim, Criterion, Verdict
@@ -117,8 +117,8 @@ def test_crossing() -> None:
 
 def test_a_setting_sees_a_common_best_policy() -> None:
     p = np.linspace(0, 1, 5)
-    assert not setting(p, np.tile(p[:, None], 4), 0.9, 0.1, 1).conflict
-    assert setting(p, np.stack([-p, -p, -p, p], axis=1), 0.9, 0.1, 1).conflict
+    assert not what_holds(p, np.tile(p[:, None], 4), 0.9, 0.1, 1).conflict
+    assert what_holds(p, np.stack([-p, -p, -p, p], axis=1), 0.9, 0.1, 1).conflict
 
 
 def test_policies_must_be_odd() -> None:

@@ -154,9 +154,9 @@ def test_pages_tell_the_verdict_over_roots_and_the_one_here():
     over = OverRoots({REPRODUCED: 9, REFUTED: 1}, "book", "", False)
     here = Judgement(CLAIMS[0], Finding(REFUTED, "2"), "book", over)
     assert here.verdict is REPRODUCED
-    assert here.told() == "reproduced (9 of 10; here refuted)"
-    assert replace(here, finding=Finding(REPRODUCED, "4")).told() == "reproduced (9 of 10)"
-    assert replace(here, over=None).told() == "refuted"
+    assert here.in_words() == "reproduced (9 of 10; here refuted)"
+    assert replace(here, finding=Finding(REPRODUCED, "4")).in_words() == "reproduced (9 of 10)"
+    assert replace(here, over=None).in_words() == "refuted"
     row = ledger.scoreboard_markdown([here])
     assert "`thesis claims often --seeds 10`" in row
     assert "earlier state of the code" in row

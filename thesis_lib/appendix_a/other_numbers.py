@@ -37,7 +37,7 @@ class Config:
 
 
 @dataclass(frozen=True)
-class Setting:
+class Numbers:
     """What holds with one choice of numbers."""
 
     discount: float
@@ -60,9 +60,9 @@ class Setting:
     """p(B) from which V(s2) is above 0; empty when it never is."""
 
 
-def setting(
+def what_holds(
     p_b: FloatArray, value: FloatArray, discount: float, detour: float, gain: float
-) -> Setting:
+) -> Numbers:
     """Which statements of the proof hold of curves of domain values.
 
     Parameters
@@ -78,7 +78,7 @@ def setting(
     highest = value.max(axis=0)
     best = np.isclose(value, highest, rtol=0, atol=1e-12 * max(1.0, np.abs(value).max()))
     turn = crossing(p_b, value[:, 1])
-    return Setting(
+    return Numbers(
         discount,
         detour,
         gain,
@@ -99,7 +99,7 @@ def setting(
     seconds=2,
     was="figure-a.3-numbers",
 )
-def by_numbers(config: Config, context: Context) -> list[Setting]:
+def by_numbers(config: Config, context: Context) -> list[Numbers]:
     """Which statements about figure A.3 hold for other rewards, probabilities and discounts."""
     p_b = np.linspace(0, 1, config.policies)
     records = []
@@ -108,7 +108,7 @@ def by_numbers(config: Config, context: Context) -> list[Setting]:
         domain = figure_a3(1.0, 1.0, gamma, detour)
         found = [state_values(domain, policy(domain, p), "occupancy") for p in p_b]
         loss, gain = (np.array([f.weight[m] * f.task[m] for f in found]) for m in range(2))
-        records += [setting(p_b, loss + g * gain, gamma, detour, g) for g in config.gains]
+        records += [what_holds(p_b, loss + g * gain, gamma, detour, g) for g in config.gains]
     return records
 
 

@@ -133,8 +133,8 @@ def paths() -> alt.Chart:
     rows: list[dict[str, Any]] = []
     for (column, (algorithm, alpha)), shaped in product(enumerate(rates.items()), (True, False)):
         left, low = 5 * column, 0 if shaped else 5
-        told = f"{one_cliff.LEARNERS[algorithm]}, {'shaped' if shaped else 'unshaped'}"
-        rows.append({"x": left, "y": low + 4, "heading": told})
+        heading = f"{one_cliff.LEARNERS[algorithm]}, {'shaped' if shaped else 'unshaped'}"
+        rows.append({"x": left, "y": low + 4, "heading": heading})
         cells = [layout.cell(s) for s in range(task.n_states)]
         rows += [{"x": left + x, "y": low + y, "name": names.get((x, y), "")} for x, y in cells]
         for doubled in range(10):

@@ -66,8 +66,8 @@ class Film:
 
 def listed(root: Path) -> list[Film]:
     """The films that ``book/films.toml`` names."""
-    told = tomllib.loads((root / LISTED).read_text(encoding="utf-8"))["film"]
-    return [Film(**{**row, "runs": tuple(row["runs"])}) for row in told]
+    listed = tomllib.loads((root / LISTED).read_text(encoding="utf-8"))["film"]
+    return [Film(**{**row, "runs": tuple(row["runs"])}) for row in listed]
 
 
 def make(film: Film, root: Path) -> Path:

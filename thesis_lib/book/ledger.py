@@ -32,8 +32,10 @@ _CHAPTERS = {
 
 def quoted(judged: Iterable[Judgement]) -> str:
     """Verdict and evidence of every claim by id, as JSON, for the roles of other pages."""
-    told = {j.claim.id: {"verdict": j.told(), "evidence": j.finding.evidence} for j in judged}
-    return json.dumps(told, indent=1, ensure_ascii=False) + "\n"
+    verdicts = {
+        j.claim.id: {"verdict": j.in_words(), "evidence": j.finding.evidence} for j in judged
+    }
+    return json.dumps(verdicts, indent=1, ensure_ascii=False) + "\n"
 
 
 def scoreboard_markdown(judged: Sequence[Judgement]) -> str:
@@ -56,7 +58,7 @@ def _claim(j: Judgement) -> list[str]:
     about += ["headline"] * claim.headline + ["ours"] * claim.ours
     about += ["identity"] * (claim.kind == "identity")
     made = ", ".join(f"`thesis run {e}`" for e in claim.experiments) or "exact computation"
-    told = [
+    details = [
         j.finding.evidence,
         f"*Criterion*: {claim.criterion}",
         f"*Evidence from*: {made} (budget: {j.budget}).",
@@ -68,13 +70,15 @@ def _claim(j: Judgement) -> list[str]:
         ),
     ]
     if j.over and j.over.code != roots.code_of_claim(claim, j.over.budget):
-        told.append("*State*: the verdicts over roots were made by an earlier state of the code.")
+        details.append(
+            "*State*: the verdicts over roots were made by an earlier state of the code."
+        )
     return [
         f"* - [{j.verdict}]{{.verdict .{_slug(j.verdict)}}}",
         *([f"    {j.over.frequency}"] if j.over else []),
         f"  - (claim-{claim.id})=",
         f"    {claim.statement}",
-        *_dropdown("Evidence and criterion", told),
+        *_dropdown("Evidence and criterion", details),
         f"  - {_where(claim.at, claim.section)}",
         *(f"    [{word}]{{.mark}}" for word in about[1:]),
     ]
@@ -86,7 +90,7 @@ def differences_markdown(rows: Iterable[Difference], results: Path | str) -> str
     lines += [":name: tbl-differences", ":class: ledger", ":header-rows: 1", ""]
     lines += ["* - where", "  - the thesis, and what is done here"]
     for row in sorted(rows, key=lambda row: in_order(row.section)):
-        told = [
+        details = [
             f"*The thesis*: {row.thesis}",
             f"*Option*: {row.option}",
             f"*What it changes*: {effect(row, results)}",
@@ -95,7 +99,7 @@ def differences_markdown(rows: Iterable[Difference], results: Path | str) -> str
             f"* - {_where(row.at, row.section)}",
             f"  - (difference-{row.id})=",
             f"    **{row.topic}.** {row.ours}",
-            *_dropdown("The text, the option, the effect", told),
+            *_dropdown("The text, the option, the effect", details),
         ]
     return "\n".join([*lines, "::::", ""])
 
@@ -128,12 +132,12 @@ def questions_markdown(rows: Iterable[Mapping[str, str]], judged: Iterable[Judge
     ValueError
         For an answer that names a claim which is not there.
     """
-    told = {j.claim.id: f"[{j.told()}](#claim-{j.claim.id})" for j in judged}
+    links = {j.claim.id: f"[{j.in_words()}](#claim-{j.claim.id})" for j in judged}
 
     def verdict(found: re.Match[str]) -> str:
-        if found[1] not in told:
+        if found[1] not in links:
             raise ValueError(f"questions.toml names a claim {found[1]!r}, which is not there.")
-        return told[found[1]]
+        return links[found[1]]
 
     lines = []
     for row in rows:
@@ -174,8 +178,8 @@ def _tally(judged: Iterable[Judgement]) -> list[str]:
         by = Counter(_frequency_class(j) for j in own)
         if own:
             cells = " | ".join(str(by[name] or "") for name in _CLASSES)
-            told = f"[{verdict}]{{.verdict .{_slug(verdict)}}}"
-            lines.append(f"| {told} | {MEANING[verdict]} | {cells} | {len(own)} |")
+            mark = f"[{verdict}]{{.verdict .{_slug(verdict)}}}"
+            lines.append(f"| {mark} | {MEANING[verdict]} | {cells} | {len(own)} |")
     return [
         *lines,
         f"| all | that evidence decides {'| ' * len(_CLASSES)}| {len(evidence)} |",

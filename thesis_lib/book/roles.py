@@ -37,10 +37,10 @@ class Verdict(_Quote):
 
     def run(self) -> tuple[list[nodes.Node], list[nodes.system_message]]:
         """Make the link."""
-        told = self.claim()["verdict"]
+        verdict = self.claim()["verdict"]
         reference = pending_xref(
             "",
-            nodes.inline(told, told, classes=["xref", "std"]),
+            nodes.inline(verdict, verdict, classes=["xref", "std"]),
             refdomain="std",
             reftype="ref",
             reftarget=f"claim-{self.text}".lower(),

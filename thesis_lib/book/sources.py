@@ -110,7 +110,7 @@ def merge(source: Any, executed: Any | None, values: dict[str, object]) -> Any:
         cells[0].source = with_values(cells[0].source, values)
     for cell in merged.cells:
         inline.fill(cell, known.get(cell.id, {}))
-    told = [cell for cell in merged.cells if TAKEAWAY_TAG in cell.metadata.get("tags", ())]
-    title, *others = [cell for cell in merged.cells if cell not in told]
-    merged.cells = [title, *told, *others]
+    takeaways = [cell for cell in merged.cells if TAKEAWAY_TAG in cell.metadata.get("tags", ())]
+    title, *others = [cell for cell in merged.cells if cell not in takeaways]
+    merged.cells = [title, *takeaways, *others]
     return merged

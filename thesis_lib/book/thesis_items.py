@@ -87,20 +87,20 @@ def items_markdown(items: Iterable[Item], judged: Iterable[Judgement]) -> str:
     judged
         The ledger's verdicts.
     """
-    known, verdicts = experiments(), {j.claim.id: j.told() for j in judged}
+    known, verdicts = experiments(), {j.claim.id: j.in_words() for j in judged}
     lines: list[str] = []
     for heading, group in groupby(items, key=lambda item: _HEADINGS[item.kind]):
         lines += [f"## {heading}", "", "| thesis | what | here | state |"]
         lines += ["| :-- | :-- | :-- | :-- |"]
         for item in group:
-            told = [item.state]
+            state = [item.state]
             if item.experiment:
-                told.append(_run(known[item.experiment]))
+                state.append(_run(known[item.experiment]))
             if item.claim:
-                told.append(f"claim {verdicts[item.claim]}")
+                state.append(f"claim {verdicts[item.claim]}")
             lines.append(
                 f"| {item.kind} {item.number} | {item.about} "
-                f"| {', '.join(map(link, item.labels))} | {'; '.join(filter(None, told))} |"
+                f"| {', '.join(map(link, item.labels))} | {'; '.join(filter(None, state))} |"
             )
         lines.append("")
     return "\n".join(lines)

@@ -74,15 +74,15 @@ def read_chapter(package: ModuleType, results: Sequence[str] | None = None) -> C
     criteria = _only_one(x for x in found if isinstance(x, Criterion))
     effects = _only_one(x for x in found if isinstance(x, Effect))
     claims = tuple(
-        _claim(told, criteria)
-        for told in words.get("claim", ())
-        if results is None or told["id"] in criteria
+        _claim(row, criteria)
+        for row in words.get("claim", ())
+        if results is None or row["id"] in criteria
     )
     known = {claim.id: claim for claim in claims}
     differences = tuple(
-        _difference(told, effects, known)
-        for told in words.get("difference", ())
-        if results is None or told["id"] in effects or told.get("claim") in known
+        _difference(row, effects, known)
+        for row in words.get("difference", ())
+        if results is None or row["id"] in effects or row.get("claim") in known
     )
     for kind, unused in (("claim", criteria), ("difference", effects)):
         if unused:
@@ -101,19 +101,19 @@ def _only_one(found: Iterable[Criterion | Effect]) -> dict[str, Any]:
     return by
 
 
-def _claim(told: dict[str, Any], criteria: dict[str, Criterion]) -> Claim:
+def _claim(row: dict[str, Any], criteria: dict[str, Criterion]) -> Claim:
     """A claim from its words; its criterion is taken out of those given."""
-    reason = told.pop("not_testable", None)
-    own = criteria.pop(told["id"], None)
-    rests_on = tuple(told.pop("rests_on", ()))
+    reason = row.pop("not_testable", None)
+    own = criteria.pop(row["id"], None)
+    rests_on = tuple(row.pop("rests_on", ()))
     if (own is not None or reason is not None) + bool(rests_on) != 1:
         raise RuntimeError(
-            f"claim {told['id']!r} must have a criterion or a `not_testable`, or else a `rests_on`."
+            f"claim {row['id']!r} must have a criterion or a `not_testable`, or else a `rests_on`."
         )
     if rests_on:
-        told["criterion"] = f"That of {' and '.join(f'`{x}`' for x in rests_on)}."
+        row["criterion"] = f"That of {' and '.join(f'`{x}`' for x in rests_on)}."
         # chapters.claims() finds the claims, which may be another chapter's.
-        return Claim(**told, experiments=(), judge=_unresolved, rests_on=rests_on)
+        return Claim(**row, experiments=(), judge=_unresolved, rests_on=rests_on)
     if reason is not None:
 
         def illustrated(tables: Tables) -> Finding:
@@ -122,9 +122,9 @@ def _claim(told: dict[str, Any], criteria: dict[str, Criterion]) -> Claim:
             return Finding(Verdict.NOT_TESTABLE, f"{reason}{shown}")
 
         needs = own.needs if own else ()
-        return Claim(**{"criterion": "None.", **told}, experiments=needs, judge=illustrated)
+        return Claim(**{"criterion": "None.", **row}, experiments=needs, judge=illustrated)
     assert own is not None
-    return Claim(**told, experiments=own.needs, judge=own.of, criteria=(own,))
+    return Claim(**row, experiments=own.needs, judge=own.of, criteria=(own,))
 
 
 def _unresolved(tables: Tables) -> Finding:
@@ -132,25 +132,25 @@ def _unresolved(tables: Tables) -> Finding:
 
 
 def _difference(
-    told: dict[str, Any], effects: dict[str, Effect], claims: Mapping[str, Claim]
+    row: dict[str, Any], effects: dict[str, Effect], claims: Mapping[str, Claim]
 ) -> Difference:
     """A difference from its words: its effect is told, computed, or the evidence of a claim."""
-    own, claim = effects.pop(told["id"], None), told.pop("claim", None)
-    if (own is not None) + (claim is not None) + ("effect" in told) != 1:
+    own, claim = effects.pop(row["id"], None), row.pop("claim", None)
+    if (own is not None) + (claim is not None) + ("effect" in row) != 1:
         raise RuntimeError(
-            f"difference {told['id']!r} must have exactly one of an `effect`, a `claim` whose "
+            f"difference {row['id']!r} must have exactly one of an `effect`, a `claim` whose "
             "evidence tells it, and a function."
         )
     if own is not None:
-        return Difference(**told, effect=own.of, experiments=own.needs)
+        return Difference(**row, effect=own.of, experiments=own.needs)
     if claim is not None:
         judge = claims[claim].judge
         return Difference(
-            **told,
+            **row,
             effect=lambda tables: judge(tables).evidence,
             experiments=claims[claim].experiments,
         )
-    return Difference(**told)
+    return Difference(**row)
 
 
 def chapter(name: str) -> Chapter:

@@ -137,11 +137,11 @@ class Claim:
             verdicts = {f.verdict for f in found}
             some = {Verdict.REPRODUCED, Verdict.DIRECTION} & verdicts
             verdict = Verdict.DIRECTION if some else Verdict.NOT_REPRODUCED
-            told = "; ".join(
+            each = "; ".join(
                 f"{part.statement.removesuffix('.')}: {f.verdict}"
                 for part, f in zip(parts, found, strict=True)
             )
-            return Finding(verdicts.pop() if len(verdicts) == 1 else verdict, f"{told}.")
+            return Finding(verdicts.pop() if len(verdicts) == 1 else verdict, f"{each}.")
 
         criteria = tuple(c for part in parts for c in part.criteria)
         return replace(self, experiments=experiments, judge=judge, criteria=criteria)
@@ -291,14 +291,14 @@ class Judgement:
         """That over roots, or else that of the finding."""
         return self.finding.verdict if self.over is None else self.over.verdict
 
-    def told(self) -> str:
+    def in_words(self) -> str:
         """The verdict with its frequency, and that of the finding where it is another."""
         if self.over is None or self.over.exact:
             return str(self.verdict)
-        told = f"{self.verdict} ({self.over.frequency}"
+        words = f"{self.verdict} ({self.over.frequency}"
         if self.finding.verdict not in (self.verdict, Verdict.NOT_RUN):
-            told += f"; here {self.finding.verdict}"
-        return f"{told})"
+            words += f"; here {self.finding.verdict}"
+        return f"{words})"
 
 
 SMOKE_TELLS_NOTHING = "Not shown at the smoke budget, whose values carry no meaning."

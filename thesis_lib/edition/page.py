@@ -354,7 +354,7 @@ class Page:
         ]
         found = [self._judged(name) for name in wanted]
         return pd.DataFrame(
-            [(j.claim.statement, j.told(), j.finding.evidence) for j in found],
+            [(j.claim.statement, j.in_words(), j.finding.evidence) for j in found],
             columns=["claim", "verdict", "evidence"],
         )
 

@@ -116,14 +116,14 @@ def make(jobs: Sequence[Job], workers: int, say: Callable[[str], None]) -> None:
     """Make the tables that are missing, in processes of their own if there are several workers."""
     missing = [job for job in jobs if job.provenance() is None]
 
-    def told(job: Job, done: int) -> None:
+    def report(job: Job, done: int) -> None:
         seconds = (job.provenance() or {}).get("wall_seconds", 0.0)
         say(f"{job.experiment}, root {job.root}: {seconds:.0f} s ({done} of {len(missing)})")
 
     work = sum(_experiments()[job.experiment].seconds for job in missing)
     if workers == 1 or work < POOL_PAYS:
         for done, job in enumerate(missing, 1):
-            told(job(), done)
+            report(job(), done)
         return
     from thesis_lib.training.cluster import check_guard  # takes a second to import
 
@@ -134,7 +134,7 @@ def make(jobs: Sequence[Job], workers: int, say: Callable[[str], None]) -> None:
             while waiting:
                 ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
                 for future in ready:
-                    told(future.result(), len(missing) - len(waiting))
+                    report(future.result(), len(missing) - len(waiting))
         except BrokenProcessPool as error:
             raise ForeseenError(
                 "a process ended before its table was made: give the same command again, with "

@@ -55,14 +55,14 @@ def columns_of(row: type) -> dict[str, str]:
     ValueError
         If a field has none.
     """
-    told: dict[str, str | None] = {}
+    words: dict[str, str | None] = {}
     for cls in row.__mro__[-2::-1]:
         found = docstring_parser.parse_from_object(cls).params
-        told |= {p.arg_name: p.description for p in found}
+        words |= {p.arg_name: p.description for p in found}
     for name in column_names(row):
-        if not told.get(name):
+        if not words.get(name):
             raise ValueError(f"{row.__name__}.{name} is not documented: say below it what it is.")
-    return {name: " ".join(str(told[name]).split()).rstrip(".") for name in column_names(row)}
+    return {name: " ".join(str(words[name]).split()).rstrip(".") for name in column_names(row)}
 
 
 def table_of(row: type, records: Sequence[Any]) -> pd.DataFrame:

@@ -177,15 +177,15 @@ def _error(future: Future) -> str | None:
 def _work(config: TrainConfig, place: str, any_version: bool) -> str | None:
     """Train one run in a worker; what stopped it, None when it finished."""
     worker, key, name = get_worker(), thread_state.key, run_name(config)
-    told = 0.0
+    shown_at = 0.0
 
     def report(run: Training) -> None:
-        nonlocal told
+        nonlocal shown_at
         last = run.iteration == config.iterations
         if last or run.iteration % config.checkpoint_every == 0:
             store.push(name)
-        if last or time.monotonic() - told > 1:
-            told = time.monotonic()
+        if last or time.monotonic() - shown_at > 1:
+            shown_at = time.monotonic()
             worker.log_event(_TOPIC, (name, run.iteration))
         task = worker.state.tasks.get(key)
         if worker.status != Status.running or task is None or task.state == "cancelled":
