@@ -44,7 +44,8 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
-from thesis_lib.edition.experiment import environment, replacing
+from thesis_lib.checkout import environment
+from thesis_lib.files import replacing
 from thesis_lib.policies import make_policy
 from thesis_lib.stats import welch
 from thesis_lib.training.config import TrainConfig

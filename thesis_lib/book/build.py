@@ -18,7 +18,9 @@ from thesis_lib.book.execution import Run, Task, execute, finished, last_run, pl
 from thesis_lib.book.pages import generated
 from thesis_lib.book.paths import Paths
 from thesis_lib.book.staging import fingerprint, stage
-from thesis_lib.edition.experiment import check_budget, check_seed, replacing
+from thesis_lib.checks import check_seed
+from thesis_lib.edition.budgets import check_budget
+from thesis_lib.files import replacing
 from thesis_lib.imports import PACKAGE
 
 _STAMP = ".built.json"

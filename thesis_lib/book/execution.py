@@ -30,7 +30,7 @@ from thesis_lib.book.child import Children
 from thesis_lib.book.inline import expressions
 from thesis_lib.book.paths import Paths
 from thesis_lib.book.sources import code_cells, parameter_names, read
-from thesis_lib.edition.experiment import environment
+from thesis_lib.checkout import environment
 from thesis_lib.edition.page import RESULTS_VARIABLE, check_parameters
 from thesis_lib.imports import PACKAGE, closure, data_files, saved_results
 

@@ -1,4 +1,13 @@
-"""Table 5.2: mean return per learning iteration (section 5.5.1), and what the text says of it."""
+r"""Table 5.2: mean return per learning iteration (section 5.5.1), and what the text says of it.
+
+An entry is the mean over S runs and K iterations of the mean return of an iteration's episodes,
+
+.. math:: \bar R = \frac{1}{S K} \sum_{s=1}^{S} \sum_{k=1}^{K} \bar R_{s,k} .
+
+``leads(claim, "learning", "all", firsts, seconds)`` judges a claim by whether each of some nets is
+ahead of each of others, over runs and after Holm; ``both`` asks the printed table and our runs, and
+the claim is as good as the weaker.
+"""
 
 from __future__ import annotations
 

@@ -27,10 +27,12 @@ from IPython.core.getipython import get_ipython
 from IPython.display import display
 from threadpoolctl import threadpool_limits
 
+from thesis_lib.checks import check_seed
 from thesis_lib.edition import roots
+from thesis_lib.edition.budgets import check_budget
 from thesis_lib.edition.chapters import read_chapter
 from thesis_lib.edition.deepest import deepest
-from thesis_lib.edition.experiment import Experiment, check_budget, check_seed
+from thesis_lib.edition.experiment import Experiment
 from thesis_lib.edition.ledger import (
     SMOKE_TELLS_NOTHING,
     Claim,
