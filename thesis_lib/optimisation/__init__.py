@@ -16,9 +16,10 @@ from thesis_lib.optimisation.problem import (
 )
 from thesis_lib.optimisation.regulator import LinearQuadraticTask
 from thesis_lib.optimisation.returns import advantages, discounted_returns, standardised
-from thesis_lib.optimisation.rollouts import Rollouts, VectorTask, collect, run_episodes
+from thesis_lib.optimisation.rollouts import Rollouts, collect, run_episodes
 from thesis_lib.optimisation.trpo import TRPO
 from thesis_lib.optimisation.value_network import ValueNetwork
+from thesis_lib.optimisation.vector_task import VectorTask
 from thesis_lib.optimisation.vpg import VPG
 
 __all__ = [

@@ -14,12 +14,12 @@ from gymnasium.wrappers import TransformObservation
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import FloatArray
-from thesis_lib.optimisation.rollouts import Step
+from thesis_lib.optimisation.vector_task import Step
 
 
 class GymnasiumTask:
     """Worlds of one environment, as :func:`~thesis_lib.optimisation.collect` steps them (a
-    :class:`~thesis_lib.optimisation.rollouts.VectorTask`).
+    :class:`~thesis_lib.optimisation.vector_task.VectorTask`).
 
     Parameters
     ----------

@@ -19,12 +19,12 @@ from numpy.typing import ArrayLike
 from torch import Tensor
 
 from thesis_lib.arrays import FloatArray
-from thesis_lib.optimisation.rollouts import Step
+from thesis_lib.optimisation.vector_task import Step
 
 
 class LinearQuadraticTask:
     """Regulate a noisy linear system in n worlds (a
-    :class:`~thesis_lib.optimisation.rollouts.VectorTask`).
+    :class:`~thesis_lib.optimisation.vector_task.VectorTask`).
 
     Parameters
     ----------
