@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from thesis_lib import potentials
 from thesis_lib.arrays import FloatArray
 from thesis_lib.domains import Domain, continuing_cliff, episodic_cliff, stock, triangle
+from thesis_lib.domains.heat_table import heat_table
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import COLOURS
@@ -26,6 +27,7 @@ DOMAINS: Mapping[str, Callable[[float], Domain]] = {
     "continuing cliff": lambda discount: continuing_cliff(discount),
     "triangle": lambda discount: triangle(discount=discount),
     "stock": lambda discount: stock(1, 2, 2, discount=discount),
+    "heat": lambda discount: heat_table(discount=discount),
 }
 
 
@@ -308,18 +310,21 @@ def figure(table: pd.DataFrame, tolerance: float) -> Figure:
     at = table[table.tolerance == tolerance]
     domains = list(dict.fromkeys(at.domain))
     names = list(dict.fromkeys(at.initialisation))
-    fig, axes = plt.subplots(1, len(domains), sharey=True, figsize=(7.2, 3.6), squeeze=False)
-    for ax, domain in zip(axes[0], domains, strict=True):
+    columns = min(3, len(domains))
+    rows = -(-len(domains) // columns)
+    size = (7.2, 0.6 + 2.6 * rows)
+    fig, axes = plt.subplots(rows, columns, sharey=True, figsize=size, squeeze=False)
+    for ax, domain in zip(axes.flat, domains, strict=False):
         own = at[at.domain == domain].set_index("initialisation")
         y = np.arange(len(names))[::-1]
         ax.barh(y, own.bound[names], color="#d9d9d9", height=0.6, label="bound")
         ax.plot(own.sweeps[names], y, "o", color=COLOURS[0], label="measured")
-        ax.set_title(
-            domain.replace(" with ", "\nwith ").replace("episodic ", "episodic\n"), fontsize=9
-        )
+        ax.set_title(domain, fontsize=9)
         ax.set_yticks(y, [n.replace("Q_star", r"$Q^*_d$") for n in names])
         ax.tick_params(labelsize=8)
         ax.set_xlim(left=-0.5)
+    for ax in axes.flat[len(domains) :]:
+        ax.set_axis_off()
     fig.supxlabel("sweeps of value iteration", fontsize=10)
     fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
     return fig
