@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -92,3 +93,31 @@ def test_questions_tell_verdicts() -> None:
     assert "It is [refuted (10 of 10)](#claim-3.4.1-numbers)." in told
     with pytest.raises(ValueError, match=r"'0\.2'"):
         ledger.questions_markdown([row | {"ours": "It is {0.2}."}], [JUDGED])
+
+
+def test_the_scoreboard_tells_what_waits_what_flips_and_what_was_mended() -> None:
+    split = OverRoots({Verdict.REFUTED: 6, Verdict.REPRODUCED: 4}, "book", "", False)
+    mended = replace(CLAIM, id="3.4.1-mended", was="reproduced", because="Noise passed it.")
+    waiting = Judgement(replace(CLAIM, id="3.4.1-waits"), JUDGED.finding, "book")
+    same = Judgement(replace(mended, id="3.4.1-same", was="refuted"), JUDGED.finding, "book", OVER)
+    judged = [replace(JUDGED, over=split), replace(JUDGED, claim=mended), waiting, same]
+    page = ledger.scoreboard_markdown(judged)
+    assert (
+        "1 claims wait for their roots. Of 3 that were judged over roots, 3 were judged by an "
+        "earlier state of the code, and 1 came out in no way in eight of ten: "
+        "[3.4.1-numbers](#claim-3.4.1-numbers) (inconclusive at this budget (refuted in 6, "
+        "reproduced in 4 of 10; here refuted))." in page
+    )
+    assert (
+        "* - [3.4.1-mended](#claim-3.4.1-mended)\n  - reproduced\n  - refuted\n  - Noise passed it."
+        in page
+    )
+    assert "#claim-3.4.1-same" not in page.replace("(claim-3.4.1-same)", "")
+    assert "| [refuted]{.verdict .refuted} |" in page
+
+
+def test_a_verdict_that_changed_has_a_reason() -> None:
+    with pytest.raises(ValueError, match="both a `was` and a `because`"):
+        replace(CLAIM, was="refuted")
+    with pytest.raises(ValueError, match="true"):
+        replace(CLAIM, was="true", because="So it is.")

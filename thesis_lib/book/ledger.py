@@ -15,7 +15,7 @@ from thesis_lib.edition import roots
 from thesis_lib.edition.ledger import MEANING, Difference, Judgement, Verdict
 from thesis_lib.edition.scoreboard import effect
 
-_CLASSES = ("exact", "in all roots", "in most", "in fewer", "one root")
+_CLASSES = ("exact", "in all roots", "in most", "in fewer", "waits")
 
 _CHAPTERS = {
     "1": "ch-introduction",
@@ -43,7 +43,8 @@ def scoreboard_markdown(judged: Sequence[Judgement]) -> str:
 
     The verdicts are those over roots where they are committed, except at the smoke budget.
     """
-    lines = [*_tally(judged), "::::{list-table} Every claim, in the thesis's order"]
+    lines = [*_tally(judged), *_state(judged)]
+    lines += ["::::{list-table} Every claim, in the thesis's order"]
     lines += [":name: tbl-claims", ":class: ledger", ":header-rows: 1", ""]
     lines += ["* - verdict", "  - claim", "  - where"]
     for j in sorted(judged, key=lambda j: in_order(j.claim.section)):
@@ -69,7 +70,7 @@ def _claim(j: Judgement) -> list[str]:
             else []
         ),
     ]
-    if j.over and j.over.code != roots.code_of_claim(claim, j.over.budget):
+    if _by_earlier_code(j):
         details.append(
             "*State*: the verdicts over roots were made by an earlier state of the code."
         )
@@ -190,10 +191,42 @@ def _tally(judged: Iterable[Judgement]) -> list[str]:
     ]
 
 
+def _state(judged: Iterable[Judgement]) -> list[str]:
+    """Which verdicts differ from draw to draw, which are still to be judged, which were mended."""
+    judged = list(judged)
+    drawn = [j for j in judged if j.over and not j.over.exact]
+    waiting = sum(_frequency_class(j) == "waits" for j in judged if not j.claim.rests_on)
+    flips = [j for j in drawn if j.over and not j.over.held]
+    lines = [
+        f"{waiting} claims wait for their roots. Of {len(drawn)} that were judged over roots, "
+        f"{sum(map(_by_earlier_code, drawn))} were judged by an earlier state of the code, and "
+        f"{len(flips)} came out in no way in eight of ten{': ' if flips else ''}"
+        + ", ".join(f"[{j.claim.id}](#claim-{j.claim.id}) ({j.told()})" for j in flips)
+        + ".",
+        "",
+    ]
+    mended = [j for j in judged if j.claim.was not in ("", j.verdict, j.finding.verdict)]
+    if not mended:
+        return lines
+    lines += ["::::{list-table} Verdicts that changed when a criterion or its evidence was mended"]
+    lines += [":name: tbl-claims-mended", ":header-rows: 1", ""]
+    lines += ["* - claim", "  - was", "  - is", "  - because"]
+    for j in mended:
+        lines += [f"* - [{j.claim.id}](#claim-{j.claim.id})", f"  - {j.claim.was}"]
+        lines += [f"  - {j.verdict}", f"  - {j.claim.because}"]
+    return [*lines, "::::", ""]
+
+
+def _by_earlier_code(judgement: Judgement) -> bool:
+    """Whether the committed verdicts over roots were made by another state of the code."""
+    claim, over = judgement.claim, judgement.over
+    return over is not None and over.code != roots.code_of_claim(claim, over.budget)
+
+
 def _frequency_class(judgement: Judgement) -> str:
     over = judgement.over
     if over is None:
-        return "one root" if judgement.claim.experiments else "exact"
+        return "waits" if judgement.claim.experiments else "exact"
     if over.exact:
         return "exact"
     return "in all roots" if over.held == over.of else "in most" if over.held else "in fewer"

@@ -106,6 +106,8 @@ class Claim:
         Label of the figure or table there that shows it.
     criteria
         The functions that judge: its own, or those of the claims it rests on.
+    was, because
+        A verdict it had before its criterion or its evidence was mended, and what that was.
     """
 
     id: str
@@ -121,6 +123,14 @@ class Claim:
     at: str = ""
     figure: str = ""
     criteria: tuple[Criterion, ...] = ()
+    was: str = ""
+    because: str = ""
+
+    def __post_init__(self) -> None:
+        if self.was:
+            Verdict(self.was)
+        if bool(self.was) != bool(self.because):
+            raise ValueError(f"claim {self.id!r} must have both a `was` and a `because`, or none.")
 
     def resting_on(self, parts: Sequence[Claim]) -> Claim:
         """The claim judged by those it rests on, given in order.
