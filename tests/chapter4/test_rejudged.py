@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from thesis_lib import relevance
 from thesis_lib.chapter4 import (
     contraction,
     joint_search,
@@ -14,7 +15,10 @@ from thesis_lib.chapter4 import (
     scatter,
     threshold,
 )
+from thesis_lib.domains import triangle
 from thesis_lib.edition.ledger import Verdict
+from thesis_lib.potentials import optimal_solutions
+from thesis_lib.relevance import Solutions
 
 
 def test_steps_follow_the_factor_and_a_wrong_law_is_refuted() -> None:
@@ -53,7 +57,7 @@ def reading(n: int, fpr: float, gain: float, behind: float, most: int = 5) -> di
     return {
         **{"schedule": "words", "max_seqs": most, "interval": "curve", "tasks_seen": n},
         **{"fpr": fpr, "tpr": 1.0, "over_none": gain, "over_none_ci95": 1.0},
-        **{"over_fixed": behind, "over_fixed_ci95": 1.0},
+        **{"over_fixed": behind, "over_fixed_ci95": 1.0, "sampling": "combinations"},
     }
 
 
@@ -78,6 +82,20 @@ def test_one_reading_without_a_rise_refutes_the_rise() -> None:
     assert joint_search.false_positives_rise(pd.DataFrame(rise)).verdict is Verdict.REPRODUCED
     rise[-1]["fpr"] = 0.4
     assert joint_search.false_positives_rise(pd.DataFrame(rise)).verdict is Verdict.REFUTED
+
+
+def test_sequences_with_repeats_give_the_curve_of_definition_5() -> None:
+    """Against every sequence of three of four tasks, listed; a sample comes near it."""
+    domain = triangle()
+    observed = Solutions.from_domain(domain, optimal_solutions(domain)).take([0, 3, 5, 11])
+    exact = joint_search.WithRepeats(0.01).fit(observed).history_[0].checks
+    drawn = joint_search.WithRepeats(0.01, max_seqs=4000).fit(observed).history_[0].checks
+    for check, other in zip(exact, drawn, strict=True):
+        labels = relevance.remove(observed, [check.feature])
+        for k in (1, 2, 3):
+            listed = relevance.brute_force_k_relevance(observed, labels, k)
+            assert check.curve[k - 1] == pytest.approx(listed, abs=1e-9)
+        np.testing.assert_allclose(other.curve, exact[check.feature].curve, rtol=0.1, atol=0.05)
 
 
 def test_nothing_errs_less_than_the_best_subset_but_what_is_no_subset(
