@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib import chapter2, chapter3, chapter6
+from thesis_lib import chapter2, chapter3, chapter4, chapter6
 from thesis_lib.edition.chapters import read_chapter
 from thesis_lib.edition.ledger import Claim, Verdict
 
@@ -344,13 +344,24 @@ HELD_ELSEWHERE = {
 }  # fmt: skip
 
 
+OF_CHAPTER_4 = (
+    *(f"4.3-heat-{x}" for x in ("jump", "constant", "noise", "peak", "par", "fpr", "dip")),
+    *("4.3-heat-total", "4.3-heat-overcome", "4.3.1-few-tasks-heat"),
+    *("4.3-triangle-joint", "4.3-triangle-rise", "4.5-prediction-regret"),
+    *("4.5-prediction-return", "4.5-jackknife-level"),
+)
+"""Claims of chapter 4 whose cases are tests of their own."""
+
+
 def test_every_claim_that_evidence_decides_has_its_case() -> None:
     decided = {c.id for c in CLAIMS.values() if c.kind == "evidence" and c.experiments}
     assert decided == set(CASES) | set(HELD_ELSEWHERE)
 
 
 def test_chapter_4_has_a_table_for_and_one_against_each_claim() -> None:
-    """Its cases stand beside its tables, in tests/chapter4/test_criteria.py."""
+    """Its cases stand beside its tables, in tests/chapter4: test_criteria, _heat and _rejudged."""
+    decided = {c.id for c in read_chapter(chapter4).claims if c.kind == "evidence"}
+    assert decided <= set(chapter4_cases.CASES) | set(OF_CHAPTER_4)
     for claim, cases in chapter4_cases.CASES.items():
         found = {verdict for _, verdict in cases}
         assert Verdict.REPRODUCED in found, claim

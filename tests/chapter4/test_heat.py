@@ -368,6 +368,13 @@ def test_verdicts_on_hand_made_tables():
     assert figure_4_7.on_a_par(wide).verdict == Verdict.INCONCLUSIVE
 
 
+def test_a_constant_that_earns_as_much_is_no_sign_of_the_features_kept():
+    less = first_five(EVERY).assign(method="constant")
+    assert figure_4_7.constant_earns_less(less).verdict == Verdict.REPRODUCED
+    for alike in (less.assign(fstek_minus=0.5), less.assign(fstek_minus=-less.fstek_minus)):
+        assert figure_4_7.constant_earns_less(alike).verdict == Verdict.NOT_REPRODUCED
+
+
 def test_the_dip_is_a_significant_loss_after_many_tasks():
     def table(gain):
         """Gains of blocks, given the gain of each episode."""
