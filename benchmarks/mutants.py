@@ -188,7 +188,7 @@ MUTANTS = (
         *("fs-tek-without-level", "selection/fstek.py"),
         *("outside = level if", "outside = 1e-3 if"),
         ("tests/selection/test_fstek.py", "larger_alpha"),
-        ("chapter4", "4.5-alpha"),
+        ("chapter4", "4.2-threshold-conditions"),
     ),
     Mutant(
         *("error-unweighted", "relevance/abstraction.py"),
