@@ -40,6 +40,7 @@ RESULTS = (
     "figure_4_7",
     "figure_4_8",
     "heat_readings",
+    "predictors",
     "few_tasks",
     "task_relevance",
     "function_law",
