@@ -195,6 +195,8 @@ def _state(judged: Iterable[Judgement]) -> list[str]:
     """Which verdicts differ from draw to draw, which are still to be judged, which were mended."""
     judged = list(judged)
     drawn = [j for j in judged if j.over and not j.over.exact]
+    if not drawn:
+        return []
     waiting = sum(_frequency_class(j) == "waits" for j in judged if not j.claim.rests_on)
     flips = [j for j in drawn if j.over and not j.over.held]
     lines = [
