@@ -217,8 +217,8 @@ def _reservoir(ax: Axes) -> None:
     s.box((5, 0.6), "x")
     s.box((5, 7.4), r"$\mu$")
     for a, b in {tuple(sorted(rng.choice(10, 2, replace=False))) for _ in range(22)}:
-        way = spots[b] - spots[a]
-        trim = 0.36 * way / np.linalg.norm(way)
+        along = spots[b] - spots[a]
+        trim = 0.36 * along / np.linalg.norm(along)
         s.link([tuple(spots[a] + trim), tuple(spots[b] - trim)], RECURRENT, fixed=True)
     for place in spots:
         ax.add_patch(Circle(tuple(place), 0.33, facecolor=PALE, edgecolor=INK, lw=1, zorder=4))

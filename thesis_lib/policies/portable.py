@@ -190,10 +190,9 @@ class _Step(nn.Module):
     def forward(self, *tensors: Tensor) -> tuple[Tensor, ...]:
         given = dict(zip(self.names, tensors, strict=True))
         observation = given["observation"]
-        nothing = observation[:, :0]
-        mean, state = self.policy.step(
-            observation, given.get("previous_action", nothing), given.get("state", nothing)
-        )
+        none = observation[:, :0]
+        action, state = (given.get(name, none) for name in ("previous_action", "state"))
+        mean, state = self.policy.step(observation, action, state)
         return (mean, state) if "state" in given else (mean,)
 
 
