@@ -82,8 +82,8 @@ MUTANTS = (
     ),
     Mutant(
         *("learning-without-gamma", LEARNING, ERROR, ERROR.replace("discount * value", "value")),
-        (TEST_LEARNING, "chain_by_hand"),
-        ("chapter3", "3.4.2-sarsa-is-wrong"),
+        (TEST_LEARNING, "finds_the_optimum_of_the_chain"),
+        ("chapter2", "2.3.3-q-learning-converges"),
     ),
     Mutant(
         *("q-learning-follows-behaviour", LEARNING),

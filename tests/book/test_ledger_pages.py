@@ -103,8 +103,8 @@ def test_the_scoreboard_tells_what_waits_what_flips_and_what_was_mended() -> Non
     judged = [replace(JUDGED, over=split), replace(JUDGED, claim=mended), waiting, same]
     page = ledger.scoreboard_markdown(judged)
     assert (
-        "1 claims wait for their roots. Of 3 that were judged over roots, 3 were judged by an "
-        "earlier state of the code, and 1 came out in no way in eight of ten: "
+        "Claims that wait for their roots: 1. Judged over roots: 3, of which 3 by an earlier "
+        "state of the code. Those of which no verdict came out in eight of ten: "
         "[3.4.1-numbers](#claim-3.4.1-numbers) (inconclusive at this budget (refuted in 6, "
         "reproduced in 4 of 10; here refuted))." in page
     )

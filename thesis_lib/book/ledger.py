@@ -199,12 +199,11 @@ def _state(judged: Iterable[Judgement]) -> list[str]:
         return []
     waiting = sum(_frequency_class(j) == "waits" for j in judged if not j.claim.rests_on)
     flips = [j for j in drawn if j.over and not j.over.held]
+    listed = ", ".join(f"[{j.claim.id}](#claim-{j.claim.id}) ({j.told()})" for j in flips)
     lines = [
-        f"{waiting} claims wait for their roots. Of {len(drawn)} that were judged over roots, "
-        f"{sum(map(_by_earlier_code, drawn))} were judged by an earlier state of the code, and "
-        f"{len(flips)} came out in no way in eight of ten{': ' if flips else ''}"
-        + ", ".join(f"[{j.claim.id}](#claim-{j.claim.id}) ({j.told()})" for j in flips)
-        + ".",
+        f"Claims that wait for their roots: {waiting}. Judged over roots: {len(drawn)}, of which "
+        f"{sum(map(_by_earlier_code, drawn))} by an earlier state of the code. Those of which no "
+        f"verdict came out in eight of ten: {listed or 'none'}.",
         "",
     ]
     mended = [j for j in judged if j.claim.was not in ("", j.verdict, j.finding.verdict)]
