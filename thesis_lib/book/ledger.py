@@ -199,7 +199,7 @@ def _state(judged: Iterable[Judgement]) -> list[str]:
         return []
     waiting = sum(_frequency_class(j) == "waits" for j in judged if not j.claim.rests_on)
     flips = [j for j in drawn if j.over and not j.over.held]
-    listed = ", ".join(f"[{j.claim.id}](#claim-{j.claim.id}) ({j.told()})" for j in flips)
+    listed = ", ".join(f"[{j.claim.id}](#claim-{j.claim.id}) ({j.in_words()})" for j in flips)
     lines = [
         f"Claims that wait for their roots: {waiting}. Judged over roots: {len(drawn)}, of which "
         f"{sum(map(_by_earlier_code, drawn))} by an earlier state of the code. Those of which no "

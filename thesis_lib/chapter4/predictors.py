@@ -144,8 +144,11 @@ def _heat(sensor: float, context: Context) -> Setting:
         tasks, draws = space.sample_tasks(n, rng), rng.integers(2**63, size=n).tolist()
 
         def mean_return(phi: FloatArray) -> float:
-            start = {"episodes": config.first, "initial_weights": phi.reshape(-1, len(ACTIONS))}
-            learned = (space.learn(*at, **start) for at in zip(tasks, draws, strict=True))
+            start = phi.reshape(-1, len(ACTIONS))
+            learned = (
+                space.learn(task, seed, episodes=config.first, initial_weights=start)
+                for task, seed in zip(tasks, draws, strict=True)
+            )
             return float(np.mean([one.episode_returns.sum() for one in learned]))
 
         return mean_return
@@ -154,20 +157,38 @@ def _heat(sensor: float, context: Context) -> Setting:
 
 
 _TRIANGLE, _CLIFF, _STOCK = figure_4_3.Config(), figure_4_4.Config(), figure_4_6.Config()
-_ON_CLIFF = (continuing_cliff, _CLIFF.learner, _CLIFF.fstek, _CLIFF.flat)
 
 TABLES: Mapping[str, Callable[[Context], Setting]] = {
     "triangle": partial(
-        *(_table, "4.3", triangle, _TRIANGLE.learner, _TRIANGLE.fstek, _TRIANGLE.flat)
+        _table, "4.3", triangle, _TRIANGLE.learner, _TRIANGLE.fstek, _TRIANGLE.flat
     ),
-    "cliff, Q*": partial(_table, "4.4", *_ON_CLIFF, irrelevant=figure_4_4.POSITION),
+    "cliff, Q*": partial(
+        _table,
+        "4.4",
+        continuing_cliff,
+        _CLIFF.learner,
+        _CLIFF.fstek,
+        _CLIFF.flat,
+        irrelevant=figure_4_4.POSITION,
+    ),
     "cliff, Q~": partial(
-        *(_table, "4.5", *_ON_CLIFF), irrelevant=figure_4_4.POSITION, target="Q_tilde"
+        _table,
+        "4.5",
+        continuing_cliff,
+        _CLIFF.learner,
+        _CLIFF.fstek,
+        _CLIFF.flat,
+        irrelevant=figure_4_4.POSITION,
+        target="Q_tilde",
     ),
     **{
         f"stock, G = {g}": partial(
-            *(_table, "4.6", partial(stock, 1, 2, g, discount=_STOCK.discount), _STOCK.learner),
-            *(_STOCK.low if g < 4 else _STOCK.high, _STOCK.flat),
+            _table,
+            "4.6",
+            partial(stock, 1, 2, g, discount=_STOCK.discount),
+            _STOCK.learner,
+            _STOCK.low if g < 4 else _STOCK.high,
+            _STOCK.flat,
         )
         for g in _STOCK.global_factors
     },
@@ -318,8 +339,8 @@ def roc_figure(table: pd.DataFrame) -> Figure:
     for ax, (_, own) in zip(axes, table.groupby("setting", sort=False), strict=False):
         looks.roc(ax, own, METHODS[1:-1], near=0.15)
         at = own[own.method == "shrinkage"]
-        look = {"color": COLOUR["shrinkage"], "label": SYMBOLS["shrinkage"]}
-        ax.plot(at.fpr, at.tpr, "x-", ms=4, lw=0.8, **look)
+        colour, name = COLOUR["shrinkage"], SYMBOLS["shrinkage"]
+        ax.plot(at.fpr, at.tpr, "x-", ms=4, lw=0.8, color=colour, label=name)
         ax.set(xlabel="", ylabel="")
     fig.supxlabel("false positive rate", fontsize=9)
     fig.supylabel("true positive rate", fontsize=9)
