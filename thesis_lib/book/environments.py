@@ -49,7 +49,7 @@ def _words(env_id: str) -> str:
         return f"{given['robot']} of section 5.1, ground: {ground}"
     made = DOMAINS[given["domain"]] if "domain" in given else HeatEnv
     first = (inspect.getdoc(made) or "").partition("\n")[0].partition(";")[0].rstrip(".")
-    return re.sub(r":math:`([^`]*)`", r"$\1$", first)
+    return re.sub(r":math:`([^`]*)`", r"$\1$", first).replace("|", r"\|")
 
 
 def _told(space: Space) -> str:

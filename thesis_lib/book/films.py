@@ -26,8 +26,6 @@ LISTED = Path("book", "films.toml")
 FOLDER = Path("book", "_static", "films")
 """Where they are: NAME.mp4, and its still NAME.jpg."""
 
-POLICIES = Path("results", "trained", "policies.pt")
-
 WIDTH, HEIGHT = 640, 360
 """Pixels of a film of one robot; two beside each other have three quarters each."""
 
@@ -46,13 +44,15 @@ class Film:
     caption
         A sentence.
     runs
-        Runs of :data:`POLICIES`, side by side; after :data:`UNTRAINED`, before training.
+        Runs of ``policies``, side by side; after :data:`UNTRAINED`, before training.
     run
         Which run of the test is shown.
     seconds
         Its length.
     noise, switch_at
         As of :class:`~thesis_lib.training.disturbances.Disturbances`.
+    policies
+        File of the runs, in the checkout.
     """
 
     name: str
@@ -62,6 +62,7 @@ class Film:
     seconds: float = 10.0
     noise: float | None = None
     switch_at: str | None = None
+    policies: str = "results/trained/policies.pt"
 
 
 def listed(root: Path) -> list[Film]:
@@ -84,7 +85,7 @@ def make(film: Film, root: Path) -> Path:
     size = {"width": round(WIDTH * shrink), "height": round(HEIGHT * shrink)}
     panels, rate = [], 0
     for name in film.runs:
-        trained = _policy(name, root)
+        trained = _policy(name, root / film.policies)
         steps = round(film.seconds / make_run_task(trained.config).robot.control_dt)
         config = EvaluateConfig(runs=film.run + 1, steps=steps, termination="never")
         config = config.disturbed(Disturbances(noise=film.noise, switch_at=film.switch_at, onset=0))
@@ -98,12 +99,12 @@ def make(film: Film, root: Path) -> Path:
     return target
 
 
-def _policy(name: str, root: Path) -> Trained:
+def _policy(name: str, policies: Path) -> Trained:
     """A committed policy, or the one that its training began with."""
     from thesis_lib.training.parts import make_run_policy
     from thesis_lib.training.trained import TrainedPolicies
 
-    trained = TrainedPolicies(root / POLICIES).load(name.removeprefix(UNTRAINED))
+    trained = TrainedPolicies(policies).load(name.removeprefix(UNTRAINED))
     if not name.startswith(UNTRAINED):
         return trained
     return dataclasses.replace(trained, policy=make_run_policy(trained.config), iteration=0)

@@ -2,13 +2,12 @@
 
 MathJax is shipped with the book: the ``sphinx-mathjax-offline`` package holds all of it
 (24 MB), of which the parts in :data:`_PARTS` and the fonts are copied into the static folder,
-and loaded by pages with mathematics only.  Of the icons' fonts only the icons in use are kept,
-and the theme's script that would draw the same icons is emptied.  Pictures load when they come
-into sight, into the space that is kept for them.  The script that moves the charts
-(:mod:`thesis_lib.book.charts`) is bundled by ``vl-convert``, and a page that has none does not
-load it.  The scripts of thebe, which Jupyter Book puts on
-every page whether it is used or not and which would load code from a content network on a
-click, are left out.
+and loaded by pages with mathematics only.  Of the style sheets the rules in use are kept, of the
+icons' fonts the icons in use, and the theme's script that would draw the same icons is emptied.
+Pictures load when they come into sight, into the space that is kept for them.  The script that
+moves the charts (:mod:`thesis_lib.book.charts`) is bundled by ``vl-convert``, and a page that has
+none does not load it.  The scripts of thebe, which Jupyter Book puts on every page whether it is
+used or not and which would load code from a content network on a click, are left out.
 """
 
 from __future__ import annotations
@@ -17,6 +16,7 @@ import importlib.util
 import logging
 import re
 import shutil
+from collections.abc import Set
 from pathlib import Path
 from typing import Any
 
@@ -77,8 +77,34 @@ def _drop_maps(app: Any, exception: Exception | None) -> None:
         file.unlink()
 
 
-def _keep_icons_in_use(app: Any, exception: Exception | None) -> None:
-    """Cut the icons' fonts down, and empty the script that would replace them by pictures."""
+def styles_in_use(sheet: str, names: Set[str]) -> str:
+    """A style sheet less the rules whose classes or identifiers are not among ``names``.
+
+    What a selector says in brackets, such as ``:not(.open)``, is not asked about.
+    """
+    told = re.compile(r"[.#](-?[A-Za-z_][\w-]*)")
+    brackets = re.compile(r"\([^()]*\)")
+
+    def rule(found: re.Match[str]) -> str:
+        if found[1].lstrip().startswith("@"):  # a font, say
+            return found[0]
+        kept = [
+            selector
+            for selector in re.split(r",(?![^(]*\))", found[1])
+            if set(told.findall(brackets.sub("", brackets.sub("", selector)))) <= names
+        ]
+        return f"{','.join(kept)}{{{found[2]}}}" if kept else ""
+
+    sheet = re.sub(r"/\*.*?\*/", "", sheet, flags=re.DOTALL)
+    sheet = re.sub(r"([^{};]+)\{([^{}]*)\}", rule, sheet)
+    return re.sub(r"@(?:media|supports)[^{};]*\{\s*\}", "", sheet)
+
+
+def _keep_styles_in_use(app: Any, exception: Exception | None) -> None:
+    """Cut style sheets and the icons' fonts down to what pages or scripts name.
+
+    The script that would replace the icons by pictures is emptied.
+    """
     if exception is not None or app.builder.format != "html":
         return
     from fontTools import subset
@@ -86,19 +112,18 @@ def _keep_icons_in_use(app: Any, exception: Exception | None) -> None:
     # Sphinx hands what others log on to the terminal, and this tells of every table it cuts.
     logging.getLogger(subset.__name__).setLevel(logging.WARNING)
     static = Path(app.outdir, "_static")
-    pages = "".join(page.read_text(encoding="utf-8") for page in Path(app.outdir).rglob("*.html"))
-    used = set(re.findall(r"\bfa-[a-z0-9-]+", pages))
-    sheet = static / "styles" / "pydata-sphinx-theme.css"
-    codes: dict[str, str] = {}
-
-    def in_use(rule: re.Match[str]) -> str:
-        names = set(re.findall(r"fa-[a-z0-9-]+", rule[1]))
-        codes.update(dict.fromkeys(names & used, rule[2]))
-        return rule[0] if names & used else ""
-
-    style = sheet.read_text(encoding="utf-8")
-    rules = r"((?:\.fa-[a-z0-9-]+:before,?)+)\{content:\"\\([0-9a-f]+)\"\}"
-    sheet.write_text(re.sub(rules, in_use, style), encoding="utf-8")
+    (static / "scripts" / "fontawesome.js").write_bytes(b"")
+    naming = [*Path(app.outdir).rglob("*.html"), *static.rglob("*.js")]
+    names = {
+        "bs-tooltip-auto",  # which a script puts together of parts
+        *(name for file in naming for name in re.findall(r"[\w-]+", file.read_text("utf-8"))),
+    }
+    codes = set[int]()
+    for file in static.rglob("*.css"):
+        sheet = styles_in_use(file.read_text(encoding="utf-8"), names)
+        file.write_text(sheet, encoding="utf-8")
+        codes |= {int(code, 16) for code in re.findall(r'"\\([ef][0-9a-f]{3})"', sheet)}
+        codes |= {ord(icon) for icon in re.findall("[\ue000-\uf8ff]", sheet)}
     for font in (static / "vendor" / "fontawesome" / "webfonts").iterdir():
         if font.suffix != ".woff2":
             font.unlink()  # what browsers of ten years ago would fall back to
@@ -106,10 +131,9 @@ def _keep_icons_in_use(app: Any, exception: Exception | None) -> None:
         options = subset.Options(flavor="woff2")
         cut = subset.load_font(font, options)
         cutter = subset.Subsetter(options)
-        cutter.populate(unicodes=[int(code, 16) for code in codes.values()])
+        cutter.populate(unicodes=codes)
         cutter.subset(cut)
         subset.save_font(cut, font, options)
-    (static / "scripts" / "fontawesome.js").write_bytes(b"")
 
 
 def _lighten(
@@ -136,22 +160,43 @@ def _is_mathematics(node: nodes.Node) -> bool:
     return isinstance(node, nodes.math | nodes.math_block)
 
 
-def _load_lazily(app: Any, exception: Exception | None) -> None:
-    """Have pictures loaded when they come into sight, and say how large they are."""
+def _shorten(app: Any, exception: Exception | None) -> None:
+    """Have pictures loaded when they come into sight, and say how large they are.
+
+    Figures become WebP, a third of PNG and the same to the pixel.  The spans around each word of
+    code, a quarter of a page of the reference, are left out.
+    """
     if exception is not None or app.builder.format != "html":
         return
     from PIL import Image
 
+    sizes: dict[str, tuple[str, str]] = {}
+    for file in Path(app.outdir, "_images").glob("*.*"):
+        if file.suffix == ".png":
+            with Image.open(file) as figure:
+                figure.save(file.with_suffix(".webp"), lossless=True)
+            file.unlink()
+            file = file.with_suffix(".webp")
+        if file.suffix == ".webp":
+            with Image.open(file) as figure:
+                sizes[file.name] = (str(figure.width), str(figure.height))
+        elif file.suffix == ".svg":
+            head = re.search(r'width="([\d.]+)" height="([\d.]+)"', file.read_text("utf-8"))
+            sizes |= {file.name: (head[1], head[2])} if head else {}
+
     def sized(found: re.Match[str]) -> str:
-        with Image.open(Path(app.outdir, "_images", found[2])) as picture:
-            width, height = picture.size
+        if found[2] not in sizes:
+            return found[0]
+        width, height = sizes[found[2]]
         return f'<img loading="lazy" width="{width}" height="{height}" {found[1]}'
 
     for page in Path(app.outdir).rglob("*.html"):
         text = page.read_text(encoding="utf-8")
-        lazy = re.sub(r'<img ((?:[^>]*? )?src="[^"]*_images/([^"/]+\.png)")', sized, text)
-        if lazy != text:
-            page.write_text(lazy, encoding="utf-8")
+        short = re.sub(r"(_images/[^\"/]+)\.png\b", r"\1.webp", text)
+        short = re.sub(r'<img ((?:[^>]*? )?src="[^"]*_images/([^"/]+)")', sized, short)
+        short = re.sub(r'<span class="pre">([^<]*)</span>', r"\1", short)
+        if short != text:
+            page.write_text(short, encoding="utf-8")
 
 
 def setup(app: Any) -> dict[str, bool]:
@@ -160,7 +205,7 @@ def setup(app: Any) -> dict[str, bool]:
     app.connect("build-finished", _copy_mathjax)
     app.connect("build-finished", _bundle_charts)
     app.connect("build-finished", _drop_maps, priority=900)
-    app.connect("build-finished", _keep_icons_in_use, priority=900)
-    app.connect("build-finished", _load_lazily)
+    app.connect("build-finished", _keep_styles_in_use, priority=900)
+    app.connect("build-finished", _shorten)
     app.connect("html-page-context", _lighten, priority=900)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
