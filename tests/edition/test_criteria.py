@@ -14,7 +14,7 @@ from thesis_lib.edition.criteria import (
     within,
 )
 from thesis_lib.edition.ledger import Verdict
-from thesis_lib.edition.words import number, plus_minus, probability, several, span
+from thesis_lib.edition.words import number, plain, plus_minus, probability, several, span
 from thesis_lib.stats import Summary
 
 
@@ -154,3 +154,23 @@ def test_share_at_least():
 )
 def test_numbers_in_words(text, expected):
     assert text == expected
+
+
+@pytest.mark.parametrize(
+    ("machine", "person"),
+    [
+        (
+            "differ by 2.5e-13 or 3e+04, at most 1e-09, 0e+00",
+            "2.5 × 10⁻¹³ or 3 × 10⁴, at most 10⁻⁹, 0",
+        ),
+        (
+            "commit 26e5f1, feature s1e1, `--step 1e-5`",
+            "commit 26e5f1, feature s1e1, `--step 1e-5`",
+        ),
+        ("after_next, $a_b$, {math}`x_yes` and Q_d", "after next, $a_b$, {math}`x_yes` and Q_d"),
+        ("k^2 |rho_k - rho_inf| from -0.00 to -0.01", "k² |ρₖ - ρ∞| from 0.00 to -0.01"),
+        ("over 1 task p = nan.", "over 1 task p not defined."),
+    ],
+)
+def test_what_a_program_writes_becomes_what_a_person_would(machine, person):
+    assert plain(machine).removeprefix("differ by ") == person

@@ -11,6 +11,7 @@ from thesis_lib.domains.cliff import layouts as cliff_layouts
 from thesis_lib.domains.heat import HeatTask
 from thesis_lib.domains.triangle import layouts as triangle_layouts
 from thesis_lib.edition.drawings import draw_cliff, draw_heat, draw_stock, draw_triangle
+from thesis_lib.edition.plots import unclutter
 
 
 @pytest.fixture(autouse=True)
@@ -66,3 +67,13 @@ def test_a_heat_task_shows_its_source_where_it_is():
     ax = draw_heat(HeatTask((7.0, 6.0)), path=[(2, 2), (3, 3)])
     assert "source" in words(ax)
     assert any(line.get_xydata().tolist() == [[7.0, 6.0]] for line in ax.lines)
+
+
+def test_of_numbers_on_one_another_the_first_stays():
+    fig, ax = plt.subplots()
+    ax.set(xlim=(0, 1), ylim=(0, 1))
+    for text, x in (("1–4", 0.5), ("6", 0.501), ("8", 0.9)):
+        ax.annotate(text, (x, 0.5))
+    ax.text(0.5, 0.5, "not a point's number")
+    unclutter(fig)
+    assert words(ax) == ["1–4", "8", "not a point's number"]

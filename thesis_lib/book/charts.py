@@ -8,7 +8,8 @@ number of its own.  The script that moves them is shipped with the book
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping
 from itertools import product
 from typing import Any
 
@@ -18,6 +19,7 @@ import pandas as pd
 
 from thesis_lib.chapter2 import one_cliff
 from thesis_lib.domains.cliff import continuing_cliff, episodic_cliff, layouts
+from thesis_lib.edition.ledger import Judgement, Verdict
 from thesis_lib.edition.plots import COLOURS
 from thesis_lib.edition.saved import saved
 from thesis_lib.mdp.learning import learn
@@ -207,6 +209,48 @@ def learning() -> alt.Chart:
     )
 
 
+_MARKS: Mapping[Verdict, tuple[str, str]] = {
+    Verdict.REPRODUCED: ("✓", COLOURS[2]),
+    Verdict.DIRECTION: ("≈", COLOURS[5]),
+    Verdict.NOT_REPRODUCED: ("–", COLOURS[4]),
+    Verdict.REFUTED: ("✗", COLOURS[1]),
+}
+"""How a picture tells a verdict; any other is a question mark on grey."""
+
+
+def answers(rows: Iterable[Mapping[str, str]], judged: Iterable[Judgement]) -> str:
+    """The claims by which each research question is answered, with our verdicts, as SVG."""
+    import vl_convert
+
+    told = {j.claim.id: j.verdict for j in judged}
+    tiles = []
+    for number, row in enumerate(rows, 1):
+        named = re.findall(r"\{([^}]+)\}", row["ours"])
+        for at, verdict in enumerate(sorted((told[n] for n in named), key=[*Verdict].index)):
+            mark, colour = _MARKS.get(verdict, ("?", "#999999"))
+            words = f"{number}. {row['text']}"
+            kind = str(verdict) if verdict in _MARKS else "open"
+            tiles.append(
+                {"question": words, "at": at, "mark": mark, "colour": colour, "verdict": kind}
+            )
+    kinds = {tile["verdict"]: tile["colour"] for tile in tiles}
+    place = alt.Chart(pd.DataFrame(tiles)).encode(
+        x=alt.X("at:O", axis=None),
+        y=alt.Y("question:N", title=None, axis=alt.Axis(labelLimit=520, domain=False, ticks=False)),
+    )
+    squares = place.mark_rect(stroke="white", strokeWidth=2).encode(
+        color=alt.Color(
+            "verdict:N",
+            title="what the thesis answers is",
+            scale=alt.Scale(domain=[*kinds], range=[*kinds.values()]),
+        )
+    )
+    chart = squares + place.mark_text(color="black", size=14).encode(text="mark:N")
+    chart = chart.properties(width=alt.Step(26), height=alt.Step(26))
+    spec = chart.configure(background="white", font="DejaVu Sans").configure_view(stroke=None)
+    return vl_convert.vegalite_to_svg(spec.to_dict())
+
+
 CHARTS: Mapping[str, tuple[Callable[[], alt.Chart], str]] = {
     "law": (law, "k-relevance over k: the law, and the exponential through its first values"),
     "threshold": (threshold, "F-ratio up to which FS-TEK removes a feature, over tasks seen"),
@@ -229,12 +273,12 @@ def charts() -> dict[str, str]:
         spec = chart.properties(width=HEIGHT if square else WIDTH, height=HEIGHT).to_dict()
         made[f"chart-{name}.svg"] = vl_convert.vegalite_to_svg(spec)
         moving = spec if square else {**spec, "width": "container"}
-        made[f"picture-{name}.md"] = _picture(name, words)
+        made[f"picture-{name}.md"] = picture(name, words)
         made[f"chart-{name}.md"] = _page(name, words, moving)
     return made
 
 
-def _picture(name: str, words: str) -> str:
+def picture(name: str, words: str) -> str:
     """The picture alone."""
     return f"![{words}](/book/_generated/chart-{name}.svg)\n"
 
@@ -243,7 +287,7 @@ def _page(name: str, words: str, spec: Mapping[str, Any]) -> str:
     """The picture, and beside it what moves it."""
     data = json.dumps(spec, ensure_ascii=False, separators=(",", ":")).replace("</", "<\\/")
     return f"""````{{div}} chart
-{_picture(name, words)}
+{picture(name, words)}
 ```{{raw}} html
 <script type="application/json">{data}</script>
 ```

@@ -14,6 +14,8 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from thesis_lib.edition.words import plain
+
 _ROLE = re.compile(r"\{eval\}`([^`]+)`")
 _KEPT = "user_expressions"
 
@@ -77,4 +79,4 @@ def shown(result: Mapping[str, Any], expression: str, cell: str) -> str:
             f"{where} is {printed}, but prose takes a text or a whole number: give it a format, "
             'such as f"{x:.2f}".'
         )
-    return str(value)
+    return plain(str(value))

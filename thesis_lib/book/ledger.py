@@ -14,6 +14,7 @@ from thesis_lib.book.thesis_items import link
 from thesis_lib.edition import roots
 from thesis_lib.edition.ledger import MEANING, Difference, Judgement, Verdict
 from thesis_lib.edition.scoreboard import effect
+from thesis_lib.edition.words import plain
 
 _CLASSES = ("exact", "in all roots", "in most", "in fewer", "waits")
 
@@ -249,7 +250,7 @@ def _dropdown(title: str, paragraphs: Iterable[str]) -> list[str]:
     """A part of a cell that unfolds, as plain HTML: the page has hundreds."""
     lines = ["", *_raw(f"<details><summary>{title}</summary>"), ""]
     for paragraph in paragraphs:
-        lines += [f"    {paragraph}", ""]
+        lines += [f"    {plain(paragraph)}", ""]
     return [*lines, *_raw("</details>")]
 
 

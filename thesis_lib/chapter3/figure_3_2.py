@@ -244,8 +244,8 @@ def figure(mean: pd.DataFrame, runs: pd.DataFrame) -> Figure:
         top.set_title(SYMBOLS[name], fontsize=10)
         middle.plot(single.step, single.cumulative_reward / 1e3, color="k", lw=1)
         bottom.semilogy(single.step, single.largest_td_error.clip(lower=1e-3), color="k", lw=0.8)
-        bottom.ticklabel_format(axis="x", style="sci", scilimits=(3, 3))
-        bottom.set_xlabel("step")
+        bottom.xaxis.set_major_formatter(lambda step, _: f"{step / 1000:g}")
+        bottom.set_xlabel("step [1000]")
     labels = (
         "mean cumulative\nreward [$10^3$]",
         "one run: cumul.\nreward [$10^3$]",

@@ -246,7 +246,7 @@ def figure(table: pd.DataFrame) -> Figure:
             band(ax, group, "level", color=COLOUR[name], label=SYMBOLS[name])
         plain = float(own[own.potential == "none"].mean_return.iloc[0])
         ax.axhline(plain, color=COLOUR["none"], ls=":", label=SYMBOLS["none"])
-        ax.set_title(f"{domain}\n{learner.replace('_', '-')}", fontsize=9)
+        ax.set_title(f"{domain}\n{learner.replace('_', '-').capitalize()}", fontsize=9)
         ax.tick_params(labelsize=8)
     for ax in axes.flat[len(panels) :]:
         ax.set_axis_off()

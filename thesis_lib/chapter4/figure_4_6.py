@@ -174,6 +174,8 @@ def what_matters(table: pd.DataFrame) -> Finding:
 
 def figure(table: pd.DataFrame) -> Figure:
     """Returns and ROC space on stock, one row a number of global factors."""
+    from thesis_lib.edition.plots import unclutter
+
     sizes = sorted(table.global_factors.unique())
     size = (7.2, 0.8 + 1.9 * len(sizes))
     fig, axes = plt.subplots(len(sizes), 2, figsize=size, sharex="col", squeeze=False)
@@ -189,4 +191,4 @@ def figure(table: pd.DataFrame) -> Figure:
         ax.set_xlabel("")
     handles = axes[0, 0].get_legend_handles_labels()
     fig.legend(*handles, loc="outside lower center", ncols=4, fontsize=8)
-    return fig
+    return unclutter(fig)

@@ -89,7 +89,9 @@ def false_positives(table: pd.DataFrame) -> Finding:
 
 def figure(table: pd.DataFrame) -> Figure:
     """ROC space, one panel a level of noise, clockwise from the top left."""
+    from thesis_lib.edition.plots import unclutter
+
     fig, axes = by_noise(table, looks.roc, height=6.0, legend_columns=3)
     for ax in axes[:, 1]:
         ax.set_ylabel("")
-    return fig
+    return unclutter(fig)

@@ -223,6 +223,8 @@ def other_approximators(table: pd.DataFrame) -> Finding:
 
 def figure(table: pd.DataFrame) -> Figure:
     """ROC space of selectors that see different functions, one panel a domain."""
+    from thesis_lib.edition.plots import unclutter
+
     domains = table.domain.unique()
     fig, axes = plt.subplots(
         1, len(domains), figsize=(7.2, 3.4), sharex=True, sharey=True, squeeze=False
@@ -253,7 +255,7 @@ def figure(table: pd.DataFrame) -> Figure:
         ax.xaxis.set_major_locator(MaxNLocator(3))
     axes[0, 0].set_ylabel("true positive rate")
     fig.legend(handles.values(), handles, loc="outside lower center", ncols=4, fontsize=8)
-    return fig
+    return unclutter(fig)
 
 
 def shown(table: pd.DataFrame) -> pd.DataFrame:

@@ -130,6 +130,8 @@ def selection(
     printed
         Rates that the thesis prints for five tasks.
     """
+    from thesis_lib.edition.plots import unclutter
+
     fig, axes = plt.subplots(1, 2, figsize=(7.2, 3.8))
     returns(axes[0], table, unit)
     axes[0].set_ylabel("mean return" + (f" / {unit:g}" if unit != 1 else ""))
@@ -139,4 +141,4 @@ def selection(
         extra = axes[1].get_legend_handles_labels()
         handles, labels = [*handles, extra[0][-1]], [*labels, extra[1][-1]]
     fig.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8)
-    return fig
+    return unclutter(fig)

@@ -126,6 +126,8 @@ def places(config: Config, context: Context) -> list[Place]:
 
 def figure(table: pd.DataFrame) -> Figure:
     """ROC space of every domain, one panel each."""
+    from thesis_lib.edition.plots import unclutter
+
     domains = table.domain.unique()
     columns = min(4, len(domains))
     n_rows = -(-len(domains) // columns)
@@ -146,7 +148,7 @@ def figure(table: pd.DataFrame) -> Figure:
         ax.set_ylabel("true positive rate", fontsize=8)
     handles = axes[0, 0].get_legend_handles_labels()
     fig.legend(*handles, loc="outside lower center", ncols=5, fontsize=8)
-    return fig
+    return unclutter(fig)
 
 
 def shown(table: pd.DataFrame) -> pd.DataFrame:

@@ -131,6 +131,6 @@ def draw(table: pd.DataFrame) -> Figure:
         span = np.abs(own[["low", "high"]].sub(own.score, axis=0).to_numpy().T)
         ax.bar(places + shift, own.score, 0.4, yerr=span, color=colour, alpha=0.7, label=source)
     ax.set_xticks(places, ALL_NETS, rotation=45, ha="right")
-    ax.set_ylabel("score under noise")
+    ax.set(ylabel="score under noise", xlim=(-0.6, len(ALL_NETS) - 0.4))
     ax.legend(loc="upper right")
     return fig

@@ -19,6 +19,7 @@ import pandas as pd
 
 from thesis_lib.edition.deepest import deepest
 from thesis_lib.edition.experiment import Experiment, load
+from thesis_lib.edition.words import plain
 
 Tables = Mapping[str, pd.DataFrame]
 """Tables of experiments by id."""
@@ -347,7 +348,10 @@ def judge(claim: Claim, results: Path | str) -> Judgement:
 
 def finding(claim: Claim, tables: Tables, budget: str) -> Finding:
     """Judge a claim on tables made at one budget; at ``smoke`` nothing is told."""
-    return NO_MEANING if budget == "smoke" else claim.judge(tables)
+    if budget == "smoke":
+        return NO_MEANING
+    found = claim.judge(tables)
+    return replace(found, evidence=plain(found.evidence))
 
 
 def select(claims: Iterable[Claim], only: Iterable[str] = ()) -> list[Claim]:

@@ -43,6 +43,7 @@ from thesis_lib.edition.ledger import (
     finding,
 )
 from thesis_lib.edition.plots import use_style
+from thesis_lib.edition.words import plain
 
 #: First line of the cell in which papermill assigns the parameters it was given.
 _INJECTED = "# Parameters"
@@ -168,7 +169,8 @@ def table(
     caption
         One sentence, which may hold mathematics.
     decimals
-        Decimals of floating-point columns: one number, or one per column name.
+        Decimals of floating-point columns: one number, or one per column name; none from a
+        thousand on.
     index
         Whether to show the index as the first column.
     """
@@ -185,7 +187,7 @@ def table(
         for column in shown.columns
     ]
     rows = [
-        _pipe(str(column) for column in shown.columns),
+        _pipe(plain(str(column)) for column in shown.columns),
         _pipe("---:" if right else ":---" for right in numeric),
         *(_pipe(row) for row in cells.itertuples(index=False)),
     ]
@@ -215,8 +217,9 @@ def _cell(value: object, places: int) -> str:
     if isinstance(value, (float, np.floating)):
         if np.isnan(value):
             return "–"
-        return f"{value:.{places}f}".replace("-", "−")
-    return str(value).replace("|", "\\|")
+        places = places if abs(value) < 1000 else 0
+        return f"{value:,.{places}f}".replace("-", "−")
+    return plain(str(value)).replace("|", "\\|")
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,9 @@ import matplotlib as mpl
 import pandas as pd
 from cycler import cycler
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.text import Annotation
+from matplotlib.transforms import Bbox
 
 #: Okabe and Ito's eight colours, black last, in an order whose neighbours differ in lightness too.
 COLOURS: tuple[str, ...] = (
@@ -82,3 +85,17 @@ def band(ax: Axes, table: pd.DataFrame, x: str, unit: float = 1.0, **look: Any) 
     mean, half = table.mean_return / unit, table.ci95 / unit
     (line,) = ax.plot(table[x], mean, **look)
     ax.fill_between(table[x], mean - half, mean + half, color=line.get_color(), alpha=0.2, lw=0)
+
+
+def unclutter(fig: Figure) -> Figure:
+    """A figure less the numbers beside its points that would lie on one before them."""
+    fig.draw_without_rendering()
+    for ax in fig.axes:
+        kept: list[Bbox] = []
+        for note in [text for text in ax.texts if isinstance(text, Annotation)]:
+            box = note.get_window_extent()
+            if box.count_overlaps(kept):
+                note.remove()
+            else:
+                kept.append(box)
+    return fig

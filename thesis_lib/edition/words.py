@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 import numpy as np
+
+_CODE = re.compile(r"(`[^`]*`|\$[^$]*\$|\{[^}]*\}|\]\([^)]*\))")
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_SYMBOLS = (
+    *((r"\brho_inf\b", "ρ∞"), (r"\brho_k\b", "ρₖ"), (r"\brho_1\b", "ρ₁"), (r"\^2\b", "²")),
+    (r"\^mu\b", "^μ"),
+    (r"\bp = nan\b", "p not defined"),
+    (r"(?<![\w.])[-−](0\.0+)(?![\d.])", r"\1"),
+    (r"\b([a-z]{3,})_([a-z]{3,})\b", r"\1 \2"),
+)
+"""What a program writes, and what a person would."""
 
 
 def number(value: float, error: float = 0.0, *, sign: bool = False) -> str:
@@ -50,3 +62,27 @@ def several(items: Iterable[str]) -> str:
     """``a``, ``a and b``, ``a, b and c``."""
     *most, last = items
     return f"{', '.join(most)} and {last}" if most else last
+
+
+def plain(text: str) -> str:
+    """A text without marks of the program that wrote it, but for code and mathematics in it.
+
+    >>> plain("by 2e-13 at after_next, or 1e-09; `a_b` 1e+04")
+    'by 2 × 10⁻¹³ at after next, or 10⁻⁹; `a_b` 10⁴'
+    """
+    parts = _CODE.split(text)
+    for i in range(0, len(parts), 2):
+        power = r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)\b"
+        parts[i] = re.sub(power, _power, parts[i])
+        for machine, person in _SYMBOLS:
+            parts[i] = re.sub(machine, person, parts[i])
+    return "".join(parts)
+
+
+def _power(found: re.Match[str]) -> str:
+    """``2e-13`` as 2 × 10⁻¹³."""
+    digits, exponent = float(found[1]), int(found[2])
+    if digits == 0:
+        return "0"
+    raised = f"10{str(exponent).translate(_RAISED)}"
+    return raised if digits == 1 else f"{found[1]} × {raised}"
