@@ -168,8 +168,9 @@ def test_numbers_in_words(text, expected):
             "commit 26e5f1, feature s1e1, `--step 1e-5`",
         ),
         ("after_next, $a_b$, {math}`x_yes` and Q_d", "after next, $a_b$, {math}`x_yes` and Q_d"),
-        ("k^2 |rho_k - rho_inf| from -0.00 to -0.01", "k² |ρₖ - ρ∞| from 0.00 to -0.01"),
-        ("over 1 task p = nan.", "over 1 task p not defined."),
+        ("k^2 |rho_k - rho_inf| from -0.00 to -0.01", "k² |ρₖ - ρ∞| from 0.00 to −0.01"),
+        ("gamma 0.9 at alpha = .1, 2026-11-29 (-3)", "γ 0.9 at α = .1, 2026-11-29 (−3)"),
+        ("with the 1 tasks as the unit p = nan.", "with the one task as the unit p not defined."),
     ],
 )
 def test_what_a_program_writes_becomes_what_a_person_would(machine, person):

@@ -9,12 +9,16 @@ import numpy as np
 
 _CODE = re.compile(r"(`[^`]*`|\$[^$]*\$|\{[^}]*\}|\]\([^)]*\))")
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_GREEK = {"alpha": "α", "gamma": "γ", "epsilon": "ε"}
 _SYMBOLS = (
     *((r"\brho_inf\b", "ρ∞"), (r"\brho_k\b", "ρₖ"), (r"\brho_1\b", "ρ₁"), (r"\^2\b", "²")),
     (r"\^mu\b", "^μ"),
     (r"\bp = nan\b", "p not defined"),
     (r"(?<![\w.])[-−](0\.0+)(?![\d.])", r"\1"),
     (r"\b([a-z]{3,})_([a-z]{3,})\b", r"\1 \2"),
+    (r"(?<![\w.)\]-])-(?=\.?\d)", "−"),
+    *((rf"\b{name}\b(?= (?:= )?\.?\d)", sign) for name, sign in _GREEK.items()),
+    (r"\bthe 1 (task|robot)s\b", r"the one \1"),
 )
 """What a program writes, and what a person would."""
 
