@@ -32,7 +32,7 @@ def test_status_has_a_row_a_notebook() -> None:
     text = status_markdown([run("ch02_background", 59.4), run("ch03_potentials", 185)])
     assert (
         "| {doc}`../notebooks/ch02_background` | book | 3 | 59 s "
-        "| 2026-11-22 | 01234567+ | fedcba98 |"
+        "| [2026-11-22]{.day} | 01234567+ | fedcba98 |"
     ) in text
     assert "| 3:05 min |" in text
 
@@ -57,7 +57,7 @@ def test_mutants_tell_what_noticed_them_or_why_no_claim_does() -> None:
     row = {"mutant": "a", "file": "b.py", "caught": True, "commit": "0123456789ab"}
     moved = row | {"verdicts": "3.1-x: reproduced -> refuted", "reason": float("nan")}
     text = mutants_markdown(pd.DataFrame([moved, row | {"verdicts": None, "reason": "ties"}]))
-    assert "| a | `b.py` | yes | 3.1-x: reproduced -> refuted | 01234567 |" in text
+    assert "| a | `b.py` | yes | 3.1-x: reproduced → refuted | 01234567 |" in text
     assert "| a | `b.py` | yes |  (none: ties) | 01234567 |" in text
 
 

@@ -79,7 +79,7 @@ def _claim(j: Judgement) -> list[str]:
         f"* - [{j.verdict}]{{.verdict .{_slug(j.verdict)}}}",
         *([f"    {j.over.frequency}"] if j.over else []),
         f"  - (claim-{claim.id})=",
-        f"    {claim.statement}",
+        f"    {plain(claim.statement)}",
         *_dropdown("Evidence and criterion", details),
         f"  - {_where(claim.at, claim.section)}",
         *(f"    [{word}]{{.mark}}" for word in about[1:]),
@@ -112,7 +112,7 @@ def findings_markdown(judged: Sequence[Judgement]) -> str:
     counts = ", ".join(f"{tally[v]} {v}" for v in Verdict if tally[v])
     lines = [f"Of {tally.total()} claims that evidence decides: {counts}.", ""]
     lines += [
-        f"- {j.claim.statement} [{str(j.verdict).capitalize()}](#claim-{j.claim.id})."
+        f"- {plain(j.claim.statement)} [{str(j.verdict).capitalize()}](#claim-{j.claim.id})."
         for j in judged
         if j.claim.headline
     ]

@@ -83,7 +83,7 @@ def status_markdown(runs: Sequence[Run]) -> str:
             f"| {{doc}}`../notebooks/{m['name']}` "
             f"| {m['parameters']['budget']} "
             f"| {m['parameters']['seed']} | {_duration(m['seconds'])} "
-            f"| {m['started'][:10]} | {_short_commit(m['commit'])} | {m['digest'][:8]} |"
+            f"| [{m['started'][:10]}]{{.day}} | {_short_commit(m['commit'])} | {m['digest'][:8]} |"
         )
     lines += ["::::", ""]
     machines = sorted({str(run.manifest["machine"]) for run in runs})
@@ -145,7 +145,7 @@ def mutants_markdown(mutants: pd.DataFrame) -> str:
         "| :-- | :-- | :-- | :-- | :-- |",
         *(
             f"| {m.mutant} | `{m.file}` | {'yes' if m.caught else 'no'} "
-            f"| {m.verdicts if isinstance(m.verdicts, str) else ''}"
+            f"| {m.verdicts.replace('->', '→') if isinstance(m.verdicts, str) else ''}"
             f"{f' (none: {m.reason})' if isinstance(m.reason, str) else ''} "
             f"| {_short_commit(m.commit)} |"
             for m in mutants.itertuples()
