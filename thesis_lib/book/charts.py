@@ -43,18 +43,18 @@ def law() -> alt.Chart:
     limit = _slider("limit", 2, "domain relevance, ρ∞ ", min=0, max=10, step=0.5)
     seen = _slider("seen", 4, "tasks seen, n ", min=3, max=10, step=1)
     ks = np.arange(1, 41)
-    rows = []
+    curves: dict[int | None, tuple[str, Any]] = {None: ("the law", 1 / ks)}
     for n in range(3, 11):
         constant, scale, rate = fit_inverse(n).theta
-        fitted = constant + scale * np.exp(-rate * ks)
-        for name, share in (("the law", 1 / ks), ("FS-TEK's exponential", fitted)):
-            rows += [
-                {"n": n, "k": int(k), "curve": name, "share": round(float(s), 5)}
-                for k, s in zip(ks, share, strict=True)
-            ]
+        curves[n] = "FS-TEK's exponential", constant + scale * np.exp(-rate * ks)
+    rows = [
+        {"n": n, "k": int(k), "curve": name, "share": round(float(s), 5)}
+        for n, (name, share) in curves.items()
+        for k, s in zip(ks, share, strict=True)
+    ]
     base = (
         alt.Chart(pd.DataFrame(rows))
-        .transform_filter("datum.n == seen")
+        .transform_filter("datum.n == seen || !isValid(datum.n)")
         .transform_calculate(value="limit + (first - limit) * datum.share")
         .encode(
             x=alt.X("k:Q", title="length of the sequence, k"),
@@ -79,12 +79,12 @@ def threshold() -> alt.Chart:
         for n, e in product(seen, map(float, exponents))
     ]
     rows += [
-        {"n": n, "exponent": e, "rule": "jackknife F at 5%", "F": round(f_threshold(n, 0.05), 3)}
-        for n, e in product(seen, map(float, exponents))
+        {"n": n, "exponent": None, "rule": "jackknife F at 5%", "F": round(f_threshold(n, 0.05), 3)}
+        for n in seen
     ]
     return (
         alt.Chart(pd.DataFrame(rows))
-        .transform_filter("datum.exponent == level")
+        .transform_filter("datum.exponent == level || !isValid(datum.exponent)")
         .mark_line(point=True)
         .encode(
             x=alt.X("n:Q", title="tasks seen, n"),
@@ -184,7 +184,7 @@ def paths() -> alt.Chart:
 def learning() -> alt.Chart:
     """Learning curves of nine networks, a robot at a time."""
     curves = saved("learning/curves").table
-    curves = curves[curves.iteration % 3 == 0]
+    curves = curves[curves.iteration % 4 == 0]
     by = curves.groupby(["task", "architecture", "iteration"], as_index=False)
     means = by[["steps", "mean_return"]].mean().round(1).drop(columns="iteration")
     robot = alt.param(

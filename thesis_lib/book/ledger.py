@@ -60,21 +60,14 @@ def _claim(j: Judgement) -> list[str]:
     about += ["headline"] * claim.headline + ["ours"] * claim.ours
     about += ["identity"] * (claim.kind == "identity")
     made = ", ".join(f"`thesis run {e}`" for e in claim.experiments) or "exact computation"
+    over = "; the verdicts over roots are of earlier code" * _by_earlier_code(j)
+    again = f"; over roots `thesis claims {claim.id} --seeds 10`" if claim.experiments else ""
     details = [
         j.finding.evidence,
         f"*Criterion*: {claim.criterion}",
-        f"*Evidence from*: {made} (budget: {j.budget}).",
+        f"*Made by*: {made} (budget: {j.budget}){again}{over}.",
         *([f"*Shown in*: {link(claim.figure)}."] if claim.figure else []),
-        *(
-            [f"*Judge it again*: `thesis claims {claim.id} --seeds 10`."]
-            if claim.experiments
-            else []
-        ),
     ]
-    if _by_earlier_code(j):
-        details.append(
-            "*State*: the verdicts over roots were made by an earlier state of the code."
-        )
     return [
         f"* - [{j.verdict}]{{.verdict .{_slug(j.verdict)}}}",
         *([f"    {j.over.frequency}"] if j.over else []),

@@ -163,8 +163,8 @@ def _is_mathematics(node: nodes.Node) -> bool:
 def _shorten(app: Any, exception: Exception | None) -> None:
     """Have pictures loaded when they come into sight, and say how large they are.
 
-    Figures become WebP, a third of PNG and the same to the pixel.  The spans around each word of
-    code, a quarter of a page of the reference, are left out.
+    Figures become WebP, a third of PNG and the same to the pixel.  Spans around each word of
+    code, a quarter of a page of the reference, and others without a look are left out.
     """
     if exception is not None or app.builder.format != "html":
         return
@@ -194,7 +194,8 @@ def _shorten(app: Any, exception: Exception | None) -> None:
         text = page.read_text(encoding="utf-8")
         short = re.sub(r"(_images/[^\"/]+)\.png\b", r"\1.webp", text)
         short = re.sub(r'<img ((?:[^>]*? )?src="[^"]*_images/([^"/]+)")', sized, short)
-        short = re.sub(r'<span class="pre">([^<]*)</span>', r"\1", short)
+        short = re.sub(r'<span class="(?:pre|std std-\w+)">([^<]*)</span>', r"\1", short)
+        short = short.replace('class="docutils literal notranslate"', 'class="literal"')
         if short != text:
             page.write_text(short, encoding="utf-8")
 

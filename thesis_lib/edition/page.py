@@ -192,9 +192,10 @@ def table(
         *(_pipe(row) for row in cells.itertuples(index=False)),
     ]
     body = "\n".join(rows)
+    look = ":class: verdicts\n" * ("evidence" in shown.columns)  # cards on a phone
     display(
         _Rendered(
-            f"::::{{table}} {caption}\n:name: {name}\n\n{body}\n::::\n",
+            f"::::{{table}} {caption}\n:name: {name}\n{look}\n{body}\n::::\n",
             cells.style.hide(axis="index").set_caption(caption).to_html(),
         )
     )
