@@ -1,8 +1,8 @@
 """A Sphinx extension by which prose pages quote the ledger: no verdict or number is typed.
 
 ``{verdict}`3.4.1-numbers``` prints the verdict on a claim, with a link to its row of the
-Scoreboard, and ``{evidence}`3.4.1-numbers``` the sentences that support it.  An id that does not
-exist fails the build.
+Scoreboard, and ``{evidence}`3.4.1-numbers``` the sentences that support it, or the first of them
+if the id is followed by ``first``.  An id that does not exist fails the build.
 """
 
 from __future__ import annotations
@@ -56,7 +56,11 @@ class Evidence(_Quote):
 
     def run(self) -> tuple[list[nodes.Node], list[nodes.system_message]]:
         """Make the text."""
-        return [nodes.Text(self.claim()["evidence"])], []
+        self.text, _, part = self.text.partition(" ")
+        told = self.claim()["evidence"]
+        if part == "first":
+            told = f"{told.partition('. ')[0].rstrip('.')}."
+        return [nodes.Text(told)], []
 
 
 def setup(app: Any) -> dict[str, bool]:
