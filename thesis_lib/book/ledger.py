@@ -73,7 +73,7 @@ def _claim(j: Judgement) -> list[str]:
         *([f"    {j.over.frequency}"] if j.over else []),
         f"  - (claim-{claim.id})=",
         f"    {plain(claim.statement)}",
-        *_dropdown("Evidence and criterion", details),
+        *_dropdown("Evidence", details),
         f"  - {_where(claim.at, claim.section)}",
         *(f"    [{word}]{{.mark}}" for word in about[1:]),
     ]
@@ -138,7 +138,7 @@ def questions_markdown(rows: Iterable[Mapping[str, str]], judged: Iterable[Judge
     for row in rows:
         ours = re.sub(r"\{([^}]+)\}", verdict, row["ours"].strip())
         lines += [f"### {row['text']}", "", f"**The thesis.** {row['thesis']}", ""]
-        lines += [f"**This edition.** {ours}", ""]
+        lines += [f"**This edition.** {plain(ours)}", ""]
     return "\n".join(lines)
 
 

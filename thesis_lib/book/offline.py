@@ -164,7 +164,8 @@ def _shorten(app: Any, exception: Exception | None) -> None:
     """Have pictures loaded when they come into sight, and say how large they are.
 
     Figures become WebP, a third of PNG and the same to the pixel.  Spans around each word of
-    code, a quarter of a page of the reference, and others without a look are left out.
+    code, a quarter of a page of the reference, others without a look, and classes that no style
+    or script asks for are left out.
     """
     if exception is not None or app.builder.format != "html":
         return
@@ -196,6 +197,7 @@ def _shorten(app: Any, exception: Exception | None) -> None:
         short = re.sub(r'<img ((?:[^>]*? )?src="[^"]*_images/([^"/]+)")', sized, short)
         short = re.sub(r'<span class="(?:pre|std std-\w+)">([^<]*)</span>', r"\1", short)
         short = short.replace('class="docutils literal notranslate"', 'class="literal"')
+        short = re.sub(r' class="(?:row-(?:even|odd)|reference internal)"', "", short)
         if short != text:
             page.write_text(short, encoding="utf-8")
 
