@@ -233,7 +233,7 @@ def answers(rows: Iterable[Mapping[str, str]], judged: Iterable[Judgement]) -> s
             tiles.append(
                 {"question": words, "at": at, "mark": mark, "colour": colour, "verdict": kind}
             )
-    kinds = {tile["verdict"]: tile["colour"] for tile in tiles}
+    kinds = {str(tile["verdict"]): str(tile["colour"]) for tile in tiles}
     place = alt.Chart(pd.DataFrame(tiles)).encode(
         x=alt.X("at:O", axis=None),
         y=alt.Y("question:N", title=None, axis=alt.Axis(labelLimit=520, domain=False, ticks=False)),

@@ -218,7 +218,7 @@ def _cell(value: object, places: int) -> str:
     if isinstance(value, (float, np.floating)):
         if np.isnan(value):
             return "–"
-        places = places if abs(value) < 1000 else 0
+        places = places if abs(float(value)) < 1000 else 0
         return f"{value:,.{places}f}".replace("-", "−")
     return plain(str(value)).replace("|", "\\|")
 
