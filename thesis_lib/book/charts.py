@@ -222,11 +222,11 @@ def answers(rows: Iterable[Mapping[str, str]], judged: Iterable[Judgement]) -> s
     """The claims by which each research question is answered, with our verdicts, as SVG."""
     import vl_convert
 
-    told = {j.claim.id: j.verdict for j in judged}
-    tiles = []
+    verdicts = {j.claim.id: j.verdict for j in judged}
+    tiles: list[dict[str, Any]] = []
     for number, row in enumerate(rows, 1):
         named = re.findall(r"\{([^}]+)\}", row["ours"])
-        for at, verdict in enumerate(sorted((told[n] for n in named), key=[*Verdict].index)):
+        for at, verdict in enumerate(sorted((verdicts[n] for n in named), key=[*Verdict].index)):
             mark, colour = _MARKS.get(verdict, ("?", "#999999"))
             words = f"{number}. {row['text']}"
             kind = str(verdict) if verdict in _MARKS else "open"

@@ -82,7 +82,7 @@ def styles_in_use(sheet: str, names: Set[str]) -> str:
 
     What a selector says in brackets, such as ``:not(.open)``, is not asked about.
     """
-    told = re.compile(r"[.#](-?[A-Za-z_][\w-]*)")
+    named = re.compile(r"[.#](-?[A-Za-z_][\w-]*)")
     brackets = re.compile(r"\([^()]*\)")
 
     def rule(found: re.Match[str]) -> str:
@@ -91,7 +91,7 @@ def styles_in_use(sheet: str, names: Set[str]) -> str:
         kept = [
             selector
             for selector in re.split(r",(?![^(]*\))", found[1])
-            if set(told.findall(brackets.sub("", brackets.sub("", selector)))) <= names
+            if set(named.findall(brackets.sub("", brackets.sub("", selector)))) <= names
         ]
         return f"{','.join(kept)}{{{found[2]}}}" if kept else ""
 

@@ -57,10 +57,10 @@ class Evidence(_Quote):
     def run(self) -> tuple[list[nodes.Node], list[nodes.system_message]]:
         """Make the text."""
         self.text, _, part = self.text.partition(" ")
-        told = self.claim()["evidence"]
+        evidence = self.claim()["evidence"]
         if part == "first":
-            told = f"{told.partition('. ')[0].rstrip('.')}."
-        return [nodes.Text(told)], []
+            evidence = f"{evidence.partition('. ')[0].rstrip('.')}."
+        return [nodes.Text(evidence)], []
 
 
 def setup(app: Any) -> dict[str, bool]:
