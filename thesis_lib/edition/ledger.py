@@ -43,7 +43,7 @@ MEANING = {
     Verdict.NOT_REPRODUCED: "our runs do not show it",
     Verdict.REFUTED: "a proof, an exact computation or a significant result says the opposite",
     Verdict.NOT_TESTABLE: "the text does not say enough to test it",
-    Verdict.INCONCLUSIVE: "too few runs at this budget to tell",
+    Verdict.INCONCLUSIVE: "too few runs to tell, or no verdict in eight of ten draws",
     Verdict.NOT_RUN: "the evidence has not been computed yet",
 }
 
