@@ -38,7 +38,7 @@ def test_potentials_are_those_of_the_figures_and_shrinkage_scales_its_own() -> N
 
 def test_gains_are_paired_over_runs(smoke: Mapping[str, pd.DataFrame]) -> None:
     table = smoke["ch4-predictors"]
-    by = table.set_index(["setting", "tasks_seen", "method"])
+    by = table.set_index(["setting", "tasks_seen", "method"]).sort_index()
     for at in by.index.droplevel("method").unique():
         rows = by.loc[at]
         assert rows.over_none["none"] == rows.over_fstek["fs-tek"] == 0
