@@ -29,11 +29,11 @@ class TaskTable(NamedTuple):
     ----------
     feature_names
         Names of the features, the action among them, length F.
-    features
+    features : array_like
         Integer feature values of the task's state-action pairs, shape ``(n, F)``.
-    q
+    q : array_like
         :math:`Q_m(x)`, shape ``(n,)``.
-    p
+    p : array_like
         :math:`p(x|m)`, shape ``(n,)``; uniform when left out.
     """
 
