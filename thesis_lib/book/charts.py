@@ -185,6 +185,7 @@ def learning() -> alt.Chart:
     """Learning curves of nine networks, a robot at a time."""
     curves = saved("learning/curves").table
     curves = curves[curves.iteration % 4 == 0]
+    curves = curves.assign(architecture=curves.architecture.str.upper())
     by = curves.groupby(["task", "architecture", "iteration"], as_index=False)
     means = by[["steps", "mean_return"]].mean().round(1).drop(columns="iteration")
     robot = alt.param(
@@ -269,6 +270,8 @@ def charts() -> dict[str, str]:
     for name, (make, words) in CHARTS.items():
         chart = make().configure(background="white", font="DejaVu Sans")
         chart = chart.configure_range(category=list(COLOURS))
+        # Below, as beside a chart on a phone there is no room.
+        chart = chart.configure_legend(orient="bottom", columns=3)
         square = name in ("huddle", "paths")
         spec = chart.properties(width=HEIGHT if square else WIDTH, height=HEIGHT).to_dict()
         made[f"chart-{name}.svg"] = vl_convert.vegalite_to_svg(spec)
