@@ -88,6 +88,6 @@ def test_every_claim_of_an_answer_is_a_square_with_its_verdict() -> None:
     rows = [{"text": "Is it?", "ours": "That a is {a} and b {b}."}, {"text": "Why?", "ours": "{c}"}]
     told = {"a": Verdict.REFUTED, "b": Verdict.REPRODUCED, "c": Verdict.NOT_RUN}
     judged = [SimpleNamespace(claim=SimpleNamespace(id=id), verdict=v) for id, v in told.items()]
-    drawn = charts.answers(rows, judged)
+    drawn = charts.answers(rows, judged)["chart-answers.svg"]
     assert "1. Is it?" in drawn
     assert re.findall(r">([✓≈–✗?])</text>", drawn) == ["✓", "✗", "?"]

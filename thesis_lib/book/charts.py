@@ -219,8 +219,8 @@ _MARKS: Mapping[Verdict, tuple[str, str]] = {
 """How a picture tells a verdict; any other is a question mark on grey."""
 
 
-def answers(rows: Iterable[Mapping[str, str]], judged: Iterable[Judgement]) -> str:
-    """The claims by which each research question is answered, with our verdicts, as SVG."""
+def answers(rows: Iterable[Mapping[str, str]], judged: Iterable[Judgement]) -> dict[str, str]:
+    """The claims by which each research question is answered, with our verdicts, as files."""
     import vl_convert
 
     verdicts = {j.claim.id: j.verdict for j in judged}
@@ -249,7 +249,13 @@ def answers(rows: Iterable[Mapping[str, str]], judged: Iterable[Judgement]) -> s
     chart = squares + place.mark_text(color="black", size=14).encode(text="mark:N")
     chart = chart.properties(width=alt.Step(26), height=alt.Step(26))
     spec = chart.configure(background="white", font="DejaVu Sans").configure_view(stroke=None)
-    return vl_convert.vegalite_to_svg(spec.to_dict())
+    words = (
+        "For each question a row of squares, one a claim, marked by whether the thesis was right"
+    )
+    return {
+        "chart-answers.svg": vl_convert.vegalite_to_svg(spec.to_dict()),
+        "picture-answers.md": picture("answers", words),
+    }
 
 
 CHARTS: Mapping[str, tuple[Callable[[], alt.Chart], str]] = {

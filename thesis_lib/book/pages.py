@@ -46,7 +46,7 @@ def generated(
         "findings.md": findings_markdown(judged),
         "scoreboard.md": scoreboard_markdown(judged),
         "questions.md": questions_markdown(questions(), judged),
-        "chart-answers.svg": answers(questions(), judged),
+        **answers(questions(), judged),
         "ledger.json": quoted(judged),
         "differences.md": differences_markdown(differences(), results),
         "map.md": items_markdown(read_items(root / ITEMS), judged),
