@@ -83,7 +83,7 @@ MUTANTS = (
     Mutant(
         *("learning-without-gamma", LEARNING, ERROR, ERROR.replace("discount * value", "value")),
         (TEST_LEARNING, "finds_the_optimum_of_the_chain"),
-        ("chapter2", "2.3.3-q-learning-converges"),
+        ("chapter3", "3.4.2-early-boost"),
     ),
     Mutant(
         *("q-learning-follows-behaviour", LEARNING),
@@ -137,7 +137,7 @@ MUTANTS = (
     Mutant(
         *("soft-values-optimal", "potentials/averages.py"),
         *("planning.soft_policy_iteration(task, epsilon).q", "planning.solve(task).q"),
-        ("tests/potentials/test_averages.py", "soft_values_are_lower"),
+        ("tests/potentials/test_averages.py", "soft_values_by_hand"),
         ("chapter3", "3.4.1-potentials-help-q-learning", "3.4.1-sensor-helps-sarsa"),
     ),
     Mutant(
@@ -162,7 +162,7 @@ MUTANTS = (
     Mutant(
         *("falls-go-nowhere", CLIFF),
         *("target = start\n            elif", "target = s\n            elif"),
-        ("tests/domains/test_cliff.py", "hand or monte_carlo"),
+        ("tests/domains/test_cliff.py", "shortest_safe_path"),
         ("chapter3", "3.4.1-numbers"),
     ),
     Mutant(

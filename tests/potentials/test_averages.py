@@ -94,6 +94,20 @@ def test_soft_values_are_lower_than_optimal_ones():
     assert potentials.q_tilde(domain, 0.0) == pytest.approx(star)
 
 
+def test_soft_values_by_hand():
+    """Staying is greedy nowhere, but random in one step of five: V = .8 * 8 + .2 * V/2 = 64/9."""
+    transition = np.zeros((2, 2, 2))
+    transition[0, 0, 0] = transition[0, 1, 1] = transition[1, :, 1] = 1
+    reward, start = np.array([[0.0, 8.0], [0.0, 0.0]]), np.array([1.0, 0.0])
+    domain = Domain("stay or go", [TabularMDP(transition, reward, start, start == 0, discount=0.5)])
+    (soft,), (best,) = (
+        potentials.soft_solutions(domain, 0.4),
+        potentials.optimal_solutions(domain),
+    )
+    assert soft[0] == pytest.approx([32 / 9, 8])
+    assert best[0] == pytest.approx([4, 8])
+
+
 def test_value_of_one_policy_by_hand(two_tasks):
     policy = np.full(two_tasks.shape, 0.5)
     assert potentials.q_mu(two_tasks, policy)[0] == pytest.approx([1, 2])  # one-step episodes
