@@ -116,7 +116,11 @@ def _keep_styles_in_use(app: Any, exception: Exception | None) -> None:
     naming = [*Path(app.outdir).rglob("*.html"), *static.rglob("*.js")]
     names = {
         "bs-tooltip-auto",  # which a script puts together of parts
-        *(name for file in naming for name in re.findall(r"[\w-]+", file.read_text("utf-8"))),
+        *(
+            name
+            for file in naming
+            for name in re.findall(r"[\w-]+", file.read_text(encoding="utf-8"))
+        ),
     }
     codes = set[int]()
     for file in static.rglob("*.css"):
@@ -182,7 +186,9 @@ def _shorten(app: Any, exception: Exception | None) -> None:
             with Image.open(file) as figure:
                 sizes[file.name] = (str(figure.width), str(figure.height))
         elif file.suffix == ".svg":
-            head = re.search(r'width="([\d.]+)" height="([\d.]+)"', file.read_text("utf-8"))
+            head = re.search(
+                r'width="([\d.]+)" height="([\d.]+)"', file.read_text(encoding="utf-8")
+            )
             sizes |= {file.name: (head[1], head[2])} if head else {}
 
     def sized(found: re.Match[str]) -> str:
