@@ -58,7 +58,7 @@ def test_every_unit_has_a_layer() -> None:
 
 
 def test_the_picture_of_the_house_shows_every_unit_in_its_layer() -> None:
-    picture = (ROOT / "CONTRIBUTING.md").read_text().partition("thesis_lib/\n")[2]
+    picture = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("thesis_lib/\n")[2]
     rows = [line.split() for line in picture.partition("\nnotebooks/")[0].splitlines()]
     shown = [unit for row in rows for unit in row if unit in LEVEL]
     assert sorted(shown) == sorted(set(LEVEL))

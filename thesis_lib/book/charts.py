@@ -8,7 +8,6 @@ number of its own.  The script that moves them is shipped with the book
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable, Iterable, Mapping
 from itertools import product
 from typing import Any
@@ -17,6 +16,7 @@ import altair as alt
 import numpy as np
 import pandas as pd
 
+from thesis_lib.book.ledger import NAMED
 from thesis_lib.chapter2 import one_cliff
 from thesis_lib.domains.cliff import continuing_cliff, episodic_cliff, layouts
 from thesis_lib.edition.ledger import Judgement, Verdict
@@ -30,6 +30,8 @@ from thesis_lib.selection.jackknife import f_threshold
 
 WIDTH, HEIGHT = 560, 300
 """Pixels of a chart."""
+
+_PAPER: Mapping[str, Any] = {"background": "white", "font": "DejaVu Sans"}
 
 
 def _slider(name: str, value: float, words: str, **ends: Any) -> alt.Parameter:
@@ -226,8 +228,8 @@ def answers(rows: Iterable[Mapping[str, str]], judged: Iterable[Judgement]) -> d
     verdicts = {j.claim.id: j.verdict for j in judged}
     tiles: list[dict[str, Any]] = []
     for number, row in enumerate(rows, 1):
-        named = re.findall(r"\{([^}]+)\}", row["ours"])
-        for at, verdict in enumerate(sorted((verdicts[n] for n in named), key=[*Verdict].index)):
+        named = (verdicts[claim] for claim in NAMED.findall(row["ours"]))
+        for at, verdict in enumerate(sorted(named, key=[*Verdict].index)):
             mark, colour = _MARKS.get(verdict, ("?", "#999999"))
             words = f"{number}. {row['text']}"
             kind = str(verdict) if verdict in _MARKS else "open"
@@ -248,13 +250,13 @@ def answers(rows: Iterable[Mapping[str, str]], judged: Iterable[Judgement]) -> d
     )
     chart = squares + place.mark_text(color="black", size=14).encode(text="mark:N")
     chart = chart.properties(width=alt.Step(26), height=alt.Step(26))
-    spec = chart.configure(background="white", font="DejaVu Sans").configure_view(stroke=None)
+    spec = chart.configure(**_PAPER).configure_view(stroke=None)
     words = (
         "For each question a row of squares, one a claim, marked by whether the thesis was right"
     )
     return {
         "chart-answers.svg": vl_convert.vegalite_to_svg(spec.to_dict()),
-        "picture-answers.md": picture("answers", words),
+        "picture-answers.md": _picture("answers", words),
     }
 
 
@@ -274,7 +276,7 @@ def charts() -> dict[str, str]:
 
     made = {}
     for name, (make, words) in CHARTS.items():
-        chart = make().configure(background="white", font="DejaVu Sans")
+        chart = make().configure(**_PAPER)
         chart = chart.configure_range(category=list(COLOURS))
         # Below, as beside a chart on a phone there is no room.
         chart = chart.configure_legend(orient="bottom", columns=3)
@@ -282,12 +284,12 @@ def charts() -> dict[str, str]:
         spec = chart.properties(width=HEIGHT if square else WIDTH, height=HEIGHT).to_dict()
         made[f"chart-{name}.svg"] = vl_convert.vegalite_to_svg(spec)
         moving = spec if square else {**spec, "width": "container"}
-        made[f"picture-{name}.md"] = picture(name, words)
+        made[f"picture-{name}.md"] = _picture(name, words)
         made[f"chart-{name}.md"] = _page(name, words, moving)
     return made
 
 
-def picture(name: str, words: str) -> str:
+def _picture(name: str, words: str) -> str:
     """The picture alone."""
     return f"![{words}](/book/_generated/chart-{name}.svg)\n"
 
@@ -296,7 +298,7 @@ def _page(name: str, words: str, spec: Mapping[str, Any]) -> str:
     """The picture, and beside it what moves it."""
     data = json.dumps(spec, ensure_ascii=False, separators=(",", ":")).replace("</", "<\\/")
     return f"""````{{div}} chart
-{picture(name, words)}
+{_picture(name, words)}
 ```{{raw}} html
 <script type="application/json">{data}</script>
 ```

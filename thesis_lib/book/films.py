@@ -67,8 +67,8 @@ class Film:
 
 def listed(root: Path) -> list[Film]:
     """The films that ``book/films.toml`` names."""
-    listed = tomllib.loads((root / LISTED).read_text(encoding="utf-8"))["film"]
-    return [Film(**{**row, "runs": tuple(row["runs"])}) for row in listed]
+    rows = tomllib.loads((root / LISTED).read_text(encoding="utf-8"))["film"]
+    return [Film(**{**row, "runs": tuple(row["runs"])}) for row in rows]
 
 
 def make(film: Film, root: Path) -> Path:

@@ -6,7 +6,7 @@ import json
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from importlib import resources
 from pathlib import Path
 
@@ -17,6 +17,9 @@ from thesis_lib.edition.scoreboard import effect
 from thesis_lib.edition.words import plain
 
 _CLASSES = ("exact", "in all roots", "in most", "in fewer", "waits")
+
+NAMED = re.compile(r"\{([^}]+)\}")
+"""A claim in an answer of :func:`questions`."""
 
 _CHAPTERS = {
     "1": "ch-introduction",
@@ -44,23 +47,24 @@ def scoreboard_markdown(judged: Sequence[Judgement]) -> str:
 
     The verdicts are those over roots where they are committed, except at the smoke budget.
     """
-    lines = [*_tally(judged), *_state(judged)]
+    earlier = {j.claim.id for j in judged if _by_earlier_code(j)}
+    lines = [*_tally(judged), *_state(judged, earlier)]
     lines += ["::::{list-table} Every claim, in the thesis's order"]
     lines += [":name: tbl-claims", ":class: ledger", ":header-rows: 1", ""]
     lines += ["* - verdict", "  - claim", "  - where"]
     for j in sorted(judged, key=lambda j: in_order(j.claim.section)):
-        lines += _claim(j)
+        lines += _claim(j, earlier=j.claim.id in earlier)
     return "\n".join([*lines, "::::", ""])
 
 
-def _claim(j: Judgement) -> list[str]:
-    """One row of the table of claims."""
+def _claim(j: Judgement, *, earlier: bool) -> list[str]:
+    """One row of the table of claims; ``earlier`` as for :func:`_state`."""
     claim = j.claim
     about = [claim.section]
     about += ["headline"] * claim.headline + ["ours"] * claim.ours
     about += ["identity"] * (claim.kind == "identity")
     made = ", ".join(f"`thesis run {e}`" for e in claim.experiments) or "exact computation"
-    over = "; the verdicts over roots are of earlier code" * _by_earlier_code(j)
+    over = "; the verdicts over roots are of earlier code" * earlier
     again = f"; over roots `thesis claims {claim.id} --seeds 10`" if claim.experiments else ""
     details = [
         j.finding.evidence,
@@ -136,7 +140,7 @@ def questions_markdown(rows: Iterable[Mapping[str, str]], judged: Iterable[Judge
 
     lines = []
     for row in rows:
-        ours = re.sub(r"\{([^}]+)\}", verdict, row["ours"].strip())
+        ours = NAMED.sub(verdict, row["ours"].strip())
         lines += [f"### {row['text']}", "", f"**The thesis.** {row['thesis']}", ""]
         lines += [f"**This edition.** {plain(ours)}", ""]
     return "\n".join(lines)
@@ -185,18 +189,21 @@ def _tally(judged: Iterable[Judgement]) -> list[str]:
     ]
 
 
-def _state(judged: Iterable[Judgement]) -> list[str]:
-    """Which verdicts differ from draw to draw, which are still to be judged, which were mended."""
-    judged = list(judged)
+def _state(judged: Sequence[Judgement], earlier: Set[str]) -> list[str]:
+    """Which verdicts differ from draw to draw, which are still to be judged, which were mended.
+
+    ``earlier`` are the claims whose verdicts over roots are of earlier code.
+    """
     drawn = [j for j in judged if j.over and not j.over.exact]
     if not drawn:
         return []
     waiting = sum(_frequency_class(j) == "waits" for j in judged if not j.claim.rests_on)
+    stale = sum(j.claim.id in earlier for j in drawn)
     flips = [j for j in drawn if j.over and not j.over.held]
     listed = ", ".join(f"[{j.claim.id}](#claim-{j.claim.id}) ({j.in_words()})" for j in flips)
     lines = [
         f"Claims that wait for their roots: {waiting}. Judged over roots: {len(drawn)}, of which "
-        f"{sum(map(_by_earlier_code, drawn))} by an earlier state of the code. Those of which no "
+        f"{stale} by an earlier state of the code. Those of which no "
         f"verdict came out in eight of ten: {listed or 'none'}.",
         "",
     ]

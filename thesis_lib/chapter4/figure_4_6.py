@@ -26,6 +26,7 @@ from thesis_lib.domains import stock
 from thesis_lib.edition.criteria import judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, criterion
+from thesis_lib.edition.plots import unclutter
 from thesis_lib.edition.words import several
 
 RIVALS = ("ibkr", "none", "random", "fixed")
@@ -174,8 +175,6 @@ def what_matters(table: pd.DataFrame) -> Finding:
 
 def figure(table: pd.DataFrame) -> Figure:
     """Returns and ROC space on stock, one row a number of global factors."""
-    from thesis_lib.edition.plots import unclutter
-
     sizes = sorted(table.global_factors.unique())
     size = (7.2, 0.8 + 1.9 * len(sizes))
     fig, axes = plt.subplots(len(sizes), 2, figsize=size, sharex="col", squeeze=False)

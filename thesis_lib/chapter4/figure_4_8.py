@@ -15,6 +15,7 @@ from thesis_lib.chapter4.runs import Placed, place
 from thesis_lib.edition.criteria import judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
+from thesis_lib.edition.plots import unclutter
 from thesis_lib.edition.words import several
 
 
@@ -89,8 +90,6 @@ def false_positives(table: pd.DataFrame) -> Finding:
 
 def figure(table: pd.DataFrame) -> Figure:
     """ROC space, one panel a level of noise, clockwise from the top left."""
-    from thesis_lib.edition.plots import unclutter
-
     fig, axes = by_noise(table, looks.roc, height=6.0, legend_columns=3)
     for ax in axes[:, 1]:
         ax.set_ylabel("")

@@ -24,7 +24,7 @@ from thesis_lib.domains.planted import random_domain
 from thesis_lib.edition.criteria import judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, criterion
-from thesis_lib.edition.plots import COLOURS
+from thesis_lib.edition.plots import COLOURS, unclutter
 from thesis_lib.selection import (
     FixedFeatures,
     JackknifeF,
@@ -223,8 +223,6 @@ def other_approximators(table: pd.DataFrame) -> Finding:
 
 def figure(table: pd.DataFrame) -> Figure:
     """ROC space of selectors that see different functions, one panel a domain."""
-    from thesis_lib.edition.plots import unclutter
-
     domains = table.domain.unique()
     fig, axes = plt.subplots(
         1, len(domains), figsize=(7.2, 3.4), sharex=True, sharey=True, squeeze=False

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
-from thesis_lib.edition.plots import COLOURS, PRINTED, band
+from thesis_lib.edition.plots import COLOURS, PRINTED, band, unclutter
 
 SYMBOLS: Mapping[str, str] = {
     "fs-tek": "FS-TEK",
@@ -130,8 +130,6 @@ def selection(
     printed
         Rates that the thesis prints for five tasks.
     """
-    from thesis_lib.edition.plots import unclutter
-
     fig, axes = plt.subplots(1, 2, figsize=(7.2, 3.8))
     returns(axes[0], table, unit)
     axes[0].set_ylabel("mean return" + (f" / {unit:g}" if unit != 1 else ""))

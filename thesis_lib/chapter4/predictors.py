@@ -308,8 +308,8 @@ def winners(table: pd.DataFrame) -> pd.DataFrame:
         for setting, own in table[table.tasks_seen == n].groupby("setting", sort=False):
             best = own.loc[own.mean_return.idxmax()]
             gain = plus_minus(best.over_none, best.over_none_ci95)
-            told = SYMBOLS[best.method] + ("" if best.method == "none" else f" ({gain})")
-            rows.setdefault(str(setting), {"setting": str(setting)})[f"{n} tasks"] = told
+            words = SYMBOLS[best.method] + ("" if best.method == "none" else f" ({gain})")
+            rows.setdefault(str(setting), {"setting": str(setting)})[f"{n} tasks"] = words
     return pd.DataFrame(rows.values())
 
 
@@ -325,12 +325,7 @@ def returns_figure(table: pd.DataFrame) -> Figure:
                 *(at.tasks_seen, gain - half, gain + half), color=COLOUR[method], alpha=0.15, lw=0
             )
         ax.axhline(0, color=looks.PRINTED, lw=0.6)
-    fig.supxlabel("tasks seen", fontsize=9)
-    fig.supylabel("return over no selection", fontsize=9)
-    fig.legend(
-        *axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=8
-    )
-    return fig
+    return _named(fig, axes, "tasks seen", "return over no selection")
 
 
 def roc_figure(table: pd.DataFrame) -> Figure:
@@ -342,12 +337,7 @@ def roc_figure(table: pd.DataFrame) -> Figure:
         colour, name = COLOUR["shrinkage"], SYMBOLS["shrinkage"]
         ax.plot(at.fpr, at.tpr, "x-", ms=4, lw=0.8, color=colour, label=name)
         ax.set(xlabel="", ylabel="")
-    fig.supxlabel("false positive rate", fontsize=9)
-    fig.supylabel("true positive rate", fontsize=9)
-    fig.legend(
-        *axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=8
-    )
-    return fig
+    return _named(fig, axes, "false positive rate", "true positive rate")
 
 
 def _panels(table: pd.DataFrame) -> tuple[Figure, list[Axes]]:

@@ -18,6 +18,7 @@ from thesis_lib.chapter4.runs import Placed, exact_solutions, place
 from thesis_lib.domains import Domain, continuing_cliff, stock, triangle
 from thesis_lib.domains.planted import random_domain, torus
 from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.plots import unclutter
 from thesis_lib.selection import (
     FSTEK,
     IBKR,
@@ -126,8 +127,6 @@ def places(config: Config, context: Context) -> list[Place]:
 
 def figure(table: pd.DataFrame) -> Figure:
     """ROC space of every domain, one panel each."""
-    from thesis_lib.edition.plots import unclutter
-
     domains = table.domain.unique()
     columns = min(4, len(domains))
     n_rows = -(-len(domains) // columns)
