@@ -1,11 +1,12 @@
 """Imports run one way, from the mathematics to the experiments to the book."""
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
 
-from thesis_lib.imports import imported
+from thesis_lib.imports import READERS, imported
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "thesis_lib"
@@ -105,3 +106,16 @@ def test_nothing_below_experiments_plots_or_knows_a_budget(file: Path) -> None:
     assert not modules & {"matplotlib", "IPython", "papermill", "tyro", "argparse"}
     texts = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
     assert "smoke" not in texts
+
+
+def test_the_build_knows_who_reads_committed_results() -> None:
+    """Else a page stands as it was when new runs are committed."""
+    named = re.compile(r'(?<!"_build" / )"results[/"]')
+    readers = {
+        ".".join(file.relative_to(ROOT).with_suffix("").parts)
+        for file in FILES
+        if EXPERIMENTS < LEVEL.get(unit_of(file), 0) < LEVEL["book"]
+        and named.search(file.read_text(encoding="utf-8"))
+    }
+    assert readers == set(READERS)
+    assert all((ROOT / folder).is_dir() for folder in READERS.values())

@@ -20,6 +20,9 @@ READERS = {
     "thesis_lib.edition.saved": "results",
     "thesis_lib.edition.roots": "results/claims",
     "thesis_lib.edition.deepest": "results/thesis",
+    "thesis_lib.chapter5.runs": "results/study",
+    "thesis_lib.chapter5.calibration": "results/calibration",
+    "thesis_lib.chapter5.gain_trained": "results/trained",
 }
 """Modules through which a notebook reads the committed results of long runs, and where they lie."""
 
