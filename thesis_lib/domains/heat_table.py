@@ -59,13 +59,13 @@ def heat_table(cells: int = 5, headings: int = 4, discount: float = 0.95) -> Dom
         transition[:, action] = np.kron(_turns(world, headings, sign), np.eye(n))
 
     centre = world.radius + (np.arange(cells) + 0.5) * (world.size - 2 * world.radius) / cells
+    intervals = LAYOUTS["headings"][3]
+    stays = np.broadcast_to(np.eye(len(x))[:, None], transition.shape)
     tasks = []
     for source in product(centre[[1, -2]], repeat=2):
         distance = np.hypot(centre[x] - source[0], centre[y] - source[1])
         terminal = distance <= world.radius
-        intervals = LAYOUTS["headings"][3]
         heat = np.minimum(intervals * world.heat(distance), intervals - 1).astype(np.int64)
-        stays = np.broadcast_to(np.eye(len(x))[:, None], transition.shape)
         tasks.append(
             TabularMDP(
                 np.where(terminal[:, None, None], stays, transition),
