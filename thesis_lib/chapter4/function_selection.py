@@ -63,7 +63,7 @@ class Config:
 
     runs: int = 100
     """Sequences of tasks on domains with tables."""
-    wide_runs: int = 20
+    wide_runs: int = 12
     """Sequences of tasks on the wide market."""
     tests: int = 10
     """Tasks learned with each function."""

@@ -7,6 +7,7 @@ itself depends on the frequency of a gait, which it does not state.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -73,8 +74,8 @@ class Config:
     """As for the other tests of open-loop gaits."""
     searches: int = 2
     """Independent searches for each robot."""
-    learner: live.Config = field(default_factory=live.Config)
-    """The runs of ``ch5-live``, whose networks are watched."""
+    learner: live.Config = field(default_factory=partial(live.Config, seeds=1))
+    """The first runs of ``ch5-live``, whose networks are watched."""
     episodes: int = 3
     """Episodes of each controller, which start from different states."""
     seconds: float = 12.0

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5.untrained import Controller, run_episodes
 from thesis_lib.edition.plots import COLOURS
+from thesis_lib.edition.remembered import remembered
 from thesis_lib.locomotion.batch import BatchTask
 from thesis_lib.locomotion.robots import ROBOTS
 
@@ -84,7 +84,7 @@ SLOWEST, FASTEST = 0.25, 5.0
 """Bounds on the frequency [Hz]: more than five strokes a second would sample no sine at 40 Hz."""
 
 
-@lru_cache(maxsize=64)
+@remembered(Gait)
 def find_gait(robot: str, search: Search, seed: int, index: int = 0) -> Gait:
     """Search a gait; the same arguments give the same one.
 

@@ -52,9 +52,16 @@ class Networks:
         inputs
             Shape ``(N, I)``.
         """
-        x = np.asarray(inputs, dtype=float)
-        hidden = np.tanh(x @ self.weights + self.biases[:, None, :])
-        return (hidden @ self.heads[:, :, None])[..., 0] + self.offsets[:, None]
+        x = np.asarray(inputs, dtype=self.weights.dtype)
+        count, n_inputs, units = self.weights.shape
+        side_by_side = self.weights.transpose(1, 0, 2).reshape(n_inputs, -1)
+        hidden = np.tanh(x @ side_by_side + self.biases.ravel()).reshape(len(x), count, units)
+        return np.einsum("nbh,bh->bn", hidden, self.heads) + self.offsets[:, None]
+
+    def single(self) -> Networks:
+        """The same networks in single precision, some five times as fast."""
+        own = (self.weights, self.biases, self.heads, self.offsets)
+        return Networks(*(values.astype(np.float32) for values in own))
 
 
 def fit_networks(

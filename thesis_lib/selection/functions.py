@@ -179,12 +179,15 @@ class NetworkF(FunctionSelector):
         centred = values - (values @ p)[:, None]
         root = np.sqrt(p / (2 * count))
         whole = (centred * p) @ centred.T
+        # Differences need no double precision, and most of the time goes into them.
+        short, networks = inputs.astype(np.float32), networks.single()
+        values = networks(short)
 
         def explained(kept: BoolArray) -> FloatArray:
             lost = np.zeros_like(whole)
             gone = ~kept @ uses.T
             for partner in donors:
-                mixed = np.where(gone, inputs[partner], inputs)
+                mixed = np.where(gone, short[partner], short)
                 difference = root * (values - networks(mixed))
                 lost += difference @ difference.T
             return whole - lost

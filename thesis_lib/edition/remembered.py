@@ -1,0 +1,78 @@
+"""What several pages need is made once: dear results, kept on disk under the code that made them."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from functools import lru_cache, wraps
+from pathlib import Path
+from typing import Any, TypeVar
+
+from thesis_lib.checkout import cache_folders, environment
+from thesis_lib.edition.reach import digest, place
+from thesis_lib.files import replacing, writable_directory
+
+RecordT = TypeVar("RecordT")
+
+
+def remembered(kind: type[RecordT]) -> Callable[[Callable[..., RecordT]], Callable[..., RecordT]]:
+    """Keep what a function makes of its arguments for this process and all others.
+
+    It is made anew for another argument, after a change of a definition that the function
+    reaches, and with other versions of the packages.  Two processes that ask at once make it
+    once.  It lies in the first of :func:`~thesis_lib.checkout.cache_folders` that can be written
+    to, and where none can it is made again by each process.
+
+    Parameters
+    ----------
+    kind
+        Dataclass that the function returns, of numbers, texts and tuples of these.  Arguments
+        are told apart by their ``repr``.
+    """
+
+    def decorate(function: Callable[..., RecordT]) -> Callable[..., RecordT]:
+        @lru_cache(maxsize=64)
+        @wraps(function)
+        def recalled(*args: Any) -> RecordT:
+            state = digest([place(recalled)], repr(args), repr(environment()["versions"]))
+            file = _file(f"{function.__name__}-{state}.json")
+            if file is None:
+                return function(*args)
+            with _alone(file.with_suffix(".lock")):
+                try:
+                    kept: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+                    return kind(**{k: _tuples(v) for k, v in kept.items()})
+                except (OSError, ValueError, TypeError):  # not there, or damaged
+                    made = function(*args)
+                    with replacing(file) as temporary:
+                        temporary.write_text(json.dumps(asdict(made)), encoding="utf-8")  # type: ignore[call-overload]
+                    return made
+
+        return recalled
+
+    return decorate
+
+
+def _file(name: str) -> Path | None:
+    for folder in cache_folders():
+        try:
+            return writable_directory(folder / "remembered") / name
+        except ValueError:
+            continue
+    return None
+
+
+def _tuples(value: Any) -> Any:
+    """JSON's lists as the tuples they were."""
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
+
+
+@contextmanager
+def _alone(file: Path) -> Iterator[None]:
+    """Let one process at a time make a result; the lock goes with it however it ends."""
+    with file.open("w", encoding="utf-8") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        yield
