@@ -59,7 +59,8 @@ class Bias:
     "ch4-estimators",
     item="Estimator U",
     smoke=Config(runs=5, tasks_seen=(3,)),
-    book=Config(),
+    book=Config(runs=2000),
+    thesis=Config(),
     seconds=40,
     was="estimator-u",
 )

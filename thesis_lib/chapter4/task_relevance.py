@@ -143,7 +143,7 @@ class Window:
         resamples=5,
         domains=("small stock", "small meadow"),
     ),
-    book=Config(),
+    book=Config(runs=100),
     thesis=Config(runs=500),
     seconds=45,
     was="task-relevance-learning",

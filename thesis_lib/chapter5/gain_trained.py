@@ -65,7 +65,7 @@ class StagePoint(Point):
     "ch5-gain-trained",
     item="Section 5.2",
     smoke=Config(steps=2048, segment=256),
-    book=Config(),
+    book=Config(steps=2**13),
     thesis=Config(steps=2**15),
     seconds=60,
     was="section-5.2-gain-trained",

@@ -1,4 +1,4 @@
-"""What several pages need is made once: dear results, kept on disk under the code that made them."""
+"""What several pages need is made once: dear results, kept on disk with the code of them."""
 
 from __future__ import annotations
 
