@@ -16,15 +16,17 @@ from pathlib import Path
 
 PACKAGE = "thesis_lib"
 
+BY_NAME = "thesis_lib.edition.saved"
 READERS = {
-    "thesis_lib.edition.saved": "results",
+    BY_NAME: "results",
     "thesis_lib.edition.roots": "results/claims",
     "thesis_lib.edition.deepest": "results/thesis",
     "thesis_lib.chapter5.runs": "results/study",
     "thesis_lib.chapter5.calibration": "results/calibration",
     "thesis_lib.chapter5.gain_trained": "results/trained",
 }
-"""Modules through which a notebook reads the committed results of long runs, and where they lie."""
+"""Modules through which committed results of long runs are read, and where these lie; through one
+of them each by its name."""
 
 _ONE_AT_A_TIME = threading.Lock()
 """Up to Python 3.11.7 two threads that parse at once can end in a SystemError
@@ -137,7 +139,7 @@ def data_files(modules: dict[str, Path]) -> list[Path]:
     )
 
 
-def saved_results(modules: dict[str, Path], root: Path) -> list[Path]:
+def saved_results(modules: dict[str, Path], root: Path, asked: str | None = None) -> list[Path]:
     """Committed results of long runs, if some modules read any.
 
     A notebook that imports the reader depends on all of them, whichever it asks for.
@@ -148,7 +150,16 @@ def saved_results(modules: dict[str, Path], root: Path) -> list[Path]:
         From :func:`closure`.
     root
         The checkout, where ``results`` lies.
+    asked
+        Text, such as a config's, that quotes the results that are read by name: no others of
+        these are given.  Default all.
     """
-    folders = [root / folder for reader, folder in READERS.items() if reader in modules]
-    files = {file for folder in folders for file in folder.rglob("*") if file.is_file()}
+    files: set[Path] = set()
+    for reader, folder in READERS.items():
+        if reader in modules:
+            own = {file for file in (root / folder).rglob("*") if file.is_file()}
+            if reader == BY_NAME and asked is not None:
+                below = {f: f.relative_to(root / folder).with_suffix("").as_posix() for f in own}
+                own = {file for file in own if f"'{below[file]}'" in asked}
+            files |= own
     return sorted(file for file in files if not hidden(file.relative_to(root)))

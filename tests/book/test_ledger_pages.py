@@ -104,7 +104,8 @@ def test_the_scoreboard_tells_what_waits_what_flips_and_what_was_mended() -> Non
     page = ledger.scoreboard_markdown(judged)
     assert (
         "Claims that wait for their roots: 1. Judged over roots: 3, of which 3 by an earlier "
-        "state of the code. Those of which no verdict came out in eight of ten: "
+        "state of the code or the committed runs. Those of which no verdict came out in eight "
+        "of ten: "
         "[3.4.1-numbers](#claim-3.4.1-numbers) (inconclusive at this budget (refuted in 6, "
         "reproduced in 4 of 10; here refuted))." in page
     )

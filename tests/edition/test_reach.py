@@ -3,6 +3,7 @@
 import pytest
 
 from thesis_lib.chapter3 import table_3_1
+from thesis_lib.chapter5 import calibration, figure_5_4, gain_trained, options
 from thesis_lib.edition import reach
 from thesis_lib.edition.ledger import effect_of
 
@@ -111,6 +112,60 @@ def test_an_entry_of_table_3_1_rests_on_its_learner_its_domain_and_the_printed_n
     assert {"learn", "cliff_task", "q_tilde", "GeneticAlgorithm", "load"} <= defined
     assert not {"ordered", "sarsa_beats_q_learning", "fstek", "train"} & defined
     assert "table-3.1.csv" in {file.name for file in files}
+
+
+READING = {
+    "thesis_lib/main.py": "from thesis_lib.chapter5.runs import read_runs\n"
+    "from thesis_lib.edition.saved import saved\n\n\n"
+    "def study():\n    return read_runs()\n\n\n"
+    "def by_name(config):\n    return saved(config.name)\n",
+    "thesis_lib/chapter5/runs.py": "def read_runs():\n    return 1\n",
+    "thesis_lib/edition/saved.py": "def saved(name):\n    return name\n",
+}
+
+
+@pytest.mark.parametrize(
+    ("start", "file", "counts"),
+    [
+        ("study", "study/breadth/curves.csv", True),
+        ("study", "study/breadth/tests.parquet", True),
+        ("study", "options/esn/curves.csv", False),
+        ("by_name", "options/esn/curves.csv", True),
+        ("by_name", "options/esn/curves.json", True),
+        ("by_name", "options/gru/curves.csv", False),
+        ("by_name", "study/breadth/curves.csv", False),
+        ("by_name", "claims/verdicts.csv", False),  # else a verdict would rest on verdicts
+    ],
+)
+def test_committed_runs_count_for_what_reads_them(tmp_path, start, file, counts):
+    for name, source in READING.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(source, encoding="utf-8")
+    read = tmp_path / "results" / file
+    read.parent.mkdir(parents=True)
+    found = []
+    for content in ("1", "2"):
+        read.write_text(content, encoding="utf-8")
+        config = "Config(name='options/esn/curves')"
+        found.append(reach.digest([("thesis_lib.main", start)], config, root=tmp_path))
+    assert (found[0] != found[1]) is counts
+
+
+@pytest.mark.parametrize(
+    ("criterion", "folder"),
+    [
+        (figure_5_4.cheetah_robust, "study"),
+        (options.clamp_is_best, "options"),
+        (calibration.text_subset_learns, "calibration"),
+        (gain_trained.low_pass_after_training, "trained"),
+    ],
+)
+def test_a_verdict_of_chapter_5_rests_on_the_runs_it_read(criterion, folder):
+    starts = [reach.place(x) for x in (criterion, *criterion.experiments)]
+    configs = [repr(e.config("book")) for e in criterion.experiments]
+    _, files = reach.reached(starts, "".join(configs))
+    read = [file.relative_to(reach.ROOT).parts for file in files]
+    assert {parts[1] for parts in read if parts[0] == "results"} == {folder}
 
 
 def test_what_no_module_holds_is_refused():

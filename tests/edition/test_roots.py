@@ -159,7 +159,7 @@ def test_pages_tell_the_verdict_over_roots_and_the_one_here():
     assert replace(here, over=None).in_words() == "refuted"
     row = _rows(here)
     assert "`thesis claims often --seeds 10`" in row
-    assert "over roots are of earlier code" in row
+    assert "over roots are of earlier code or runs" in row
     now = replace(over, code=roots.code_of_claim(CLAIMS[0], "book"))
     assert "earlier code" not in _rows(replace(here, over=now))
 

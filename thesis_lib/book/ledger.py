@@ -63,13 +63,13 @@ def _claim(j: Judgement, *, earlier: bool) -> list[str]:
     about = [claim.section]
     about += ["headline"] * claim.headline + ["ours"] * claim.ours
     about += ["identity"] * (claim.kind == "identity")
-    made = ", ".join(f"`thesis run {e}`" for e in claim.experiments) or "exact computation"
-    over = "; the verdicts over roots are of earlier code" * earlier
+    made = [f"thesis run {e}" for e in claim.experiments] or [f"thesis claims {claim.id}"]
+    over = "; the verdicts over roots are of earlier code or runs" * earlier
     again = f"; over roots `thesis claims {claim.id} --seeds 10`" if claim.experiments else ""
     details = [
         j.finding.evidence,
         f"*Criterion*: {claim.criterion}",
-        f"*Made by*: {made} (budget: {j.budget}){again}{over}.",
+        f"*Made by*: {', '.join(f'`{m}`' for m in made)} (budget: {j.budget}){again}{over}.",
         *([f"*Shown in*: {link(claim.figure)}."] if claim.figure else []),
     ]
     return [
@@ -192,7 +192,7 @@ def _tally(judged: Iterable[Judgement]) -> list[str]:
 def _state(judged: Sequence[Judgement], earlier: Set[str]) -> list[str]:
     """Which verdicts differ from draw to draw, which are still to be judged, which were mended.
 
-    ``earlier`` are the claims whose verdicts over roots are of earlier code.
+    ``earlier`` are the claims whose verdicts over roots are of earlier code or runs.
     """
     drawn = [j for j in judged if j.over and not j.over.exact]
     if not drawn:
@@ -203,7 +203,7 @@ def _state(judged: Sequence[Judgement], earlier: Set[str]) -> list[str]:
     listed = ", ".join(f"[{j.claim.id}](#claim-{j.claim.id}) ({j.in_words()})" for j in flips)
     lines = [
         f"Claims that wait for their roots: {waiting}. Judged over roots: {len(drawn)}, of which "
-        f"{stale} by an earlier state of the code. Those of which no "
+        f"{stale} by an earlier state of the code or the committed runs. Those of which no "
         f"verdict came out in eight of ten: {listed or 'none'}.",
         "",
     ]
@@ -220,7 +220,7 @@ def _state(judged: Sequence[Judgement], earlier: Set[str]) -> list[str]:
 
 
 def _by_earlier_code(judgement: Judgement) -> bool:
-    """Whether the committed verdicts over roots were made by another state of the code."""
+    """Whether the committed verdicts over roots are of another state of the code or the runs."""
     claim, over = judgement.claim, judgement.over
     return over is not None and over.code != roots.code_of_claim(claim, over.budget)
 

@@ -1,9 +1,10 @@
-"""What a result rests on: the definitions that its code reaches, and a digest of them.
+"""What a result rests on: the definitions its code reaches and the runs it reads, and a digest.
 
-A table and a verdict hold for the code that made them.  What counts of that code are the
-functions, classes and constants it reaches, wherever they stand: one that is moved to another
-file changes nothing, nor does one that is added beside it.  Docstrings, comments and what keeps
-experiments, files and versions in order decide no number and are left out.
+A table and a verdict hold for the code that made them, and for the committed results of long runs
+that it read.  What counts of that code are the functions, classes and constants it reaches,
+wherever they stand: one that is moved to another file changes nothing, nor does one that is added
+beside it.  Docstrings, comments and what keeps experiments, files and versions in order decide no
+number and are left out.
 """
 
 from __future__ import annotations
@@ -16,13 +17,13 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-from thesis_lib.imports import PACKAGE, data_files, module_file
+from thesis_lib.imports import PACKAGE, data_files, module_file, saved_results
 
 ROOT = Path(__file__).resolve().parents[2]
 
 FRAMEWORK = f"{PACKAGE}.edition"
-DECIDES = tuple(f"{FRAMEWORK}.{name}" for name in ("context", "criteria", "rows"))
-"""Modules of the framework that reckon with numbers."""
+DECIDES = tuple(f"{FRAMEWORK}.{name}" for name in ("context", "criteria", "rows", "saved"))
+"""Modules of the framework that reckon with numbers, or read them."""
 
 ORDER = tuple(f"{PACKAGE}.{name}" for name in ("checkout", "compiled", "imports", "registration"))
 """Modules that decide no number: where files lie, what imports what, compiling, Gymnasium."""
@@ -57,17 +58,22 @@ def digest(starts: Iterable[Place], *texts: str, root: Path = ROOT) -> str:
     *texts
         What else decides, such as a config.
     root
-        Folder that holds the package.
+        Folder that holds the package and the committed results.
     """
-    code, files = reached(starts, root)
+    code, files = reached(starts, "".join(texts), root)
     hashed = hashlib.sha256("\0".join([*texts, *sorted(code)]).encode())
     for file in files:
         hashed.update(file.read_bytes())
     return hashed.hexdigest()[:12]
 
 
-def reached(starts: Iterable[Place], root: Path = ROOT) -> tuple[set[str], list[Path]]:
-    """Definitions that some places reach, as text, and the data files beside them.
+def reached(
+    starts: Iterable[Place], asked: str = "", root: Path = ROOT
+) -> tuple[set[str], list[Path]]:
+    """Definitions that some places reach, as text, and the data they read.
+
+    The data are the files beside the packages, and the committed results of long runs; of those
+    that are read by name such as are quoted in what is asked.
 
     A name is taken for the module's, though a variable of a function may be called so: too much
     is reached then, never too little.
@@ -84,7 +90,8 @@ def reached(starts: Iterable[Place], root: Path = ROOT) -> tuple[set[str], list[
             code |= piece.code
             waiting += piece.uses
             modules |= piece.module
-    return code, [f for f in data_files(modules) if f.name != "claims.toml"]
+    beside = [f for f in data_files(modules) if f.name != "claims.toml"]
+    return code, beside + saved_results(modules, root, asked)
 
 
 @dataclass(frozen=True)

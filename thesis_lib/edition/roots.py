@@ -38,7 +38,8 @@ from thesis_lib.files import replacing, writable_directory
 
 COLUMNS = ("claim", "root", "verdict", "budget", "numbers", "code", "commit")
 """Of ``verdicts.csv``.  Root 0 stands for evidence that is exact; ``numbers`` are those that
-decided, as JSON; ``code`` is a digest of what made and judged the evidence."""
+decided, as JSON; ``code`` is a digest of what made and judged the evidence, committed runs
+included."""
 
 
 def committed() -> Path:
