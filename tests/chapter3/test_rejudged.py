@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from thesis_lib import potentials
 from thesis_lib.chapter3 import (
     covering_tour,
     figure_3_3,
@@ -15,6 +16,13 @@ from thesis_lib.chapter3 import (
 )
 from thesis_lib.edition.ledger import Verdict
 from thesis_lib.mdp import solve
+
+
+def test_a_mean_with_other_weights_has_more_error(monkeypatch) -> None:
+    assert shaping.mean_has_the_least_error().verdict is Verdict.REPRODUCED
+    mean = potentials.cross_task_values
+    monkeypatch.setattr(potentials, "cross_task_values", lambda d, tables, p: mean(d, tables))
+    assert shaping.mean_has_the_least_error().verdict is Verdict.REFUTED
 
 
 @pytest.mark.parametrize("size", [2, 4, 6])
@@ -125,6 +133,14 @@ def test_bounds_and_levels_can_fail() -> None:
     assert theorem_1.bound_holds(table.assign(excess=1.0)).verdict is Verdict.REFUTED
 
 
+def test_an_average_distance_is_good_only_near_the_minimiser() -> None:
+    names = [theorem_1.CORRECTED, "mean distance", "Q_star"]
+    table = pd.DataFrame({"domain": "z", "tolerance": 0.1, "initialisation": names})
+    for most, verdict in ((12.5, Verdict.REPRODUCED), (13.0, Verdict.NOT_REPRODUCED)):
+        found = theorem_1.mean_is_good_enough(table.assign(sweeps=[10.0, 10.0, most]))
+        assert found.verdict is verdict
+
+
 def test_levels_can_fail() -> None:
     names = ["Q_star", "Q_tilde", "Q_mu"]
     table = pd.DataFrame({"domain": "triangle", "potential": names, "mean": [-1.0, -2.0, -3.0]})
@@ -146,6 +162,14 @@ def test_the_threshold_of_huddling_can_fail() -> None:
 def test_shaping_and_initialisation() -> None:
     assert shaping.shaping_is_initialisation().verdict is Verdict.REPRODUCED  # Wiewiora 2003
     assert shaping.initialisation_acts_first().verdict is Verdict.REPRODUCED
+
+
+def test_a_potential_that_does_nothing_turns_what_is_said_of_shaping(monkeypatch) -> None:
+    """Then the learner that was initialised is not the advised one, and no action is greedier."""
+    both = shaping._both
+    monkeypatch.setattr(shaping, "_both", lambda method: (*both(method)[:2], 0 * both(method)[2]))
+    assert shaping.shaping_is_initialisation().verdict is Verdict.REFUTED
+    assert shaping.initialisation_acts_first().verdict is Verdict.REFUTED
 
 
 def test_averaged_weights_by_hand() -> None:

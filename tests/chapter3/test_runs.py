@@ -17,6 +17,30 @@ def test_stasis_share_by_hand():
     assert figure_3_2.stasis_share(rewards, 7) == 0.0
 
 
+def test_runs_on_one_random_potential_count_as_one_by_hand():
+    """Runs 0, 2 and 4 had the first potential and 1, 3 and 5 the second."""
+    of_runs = np.array([[1.0, 10.0], [2.0, 20.0], [3.0, 30.0], [4.0, 40.0], [5.0, 50.0], [9.0, 0]])
+    assert figure_3_2.independent(of_runs, 2).tolist() == [[3.0, 30.0], [5.0, 20.0]]
+    assert figure_3_2.independent(of_runs, 1) is of_runs
+
+
+def test_figure_3_2_learns_its_random_potential_more_than_once(monkeypatch):
+    """So that its interval knows the luck of learning: with one potential it has no such spread."""
+    seeds = []
+
+    def learned(domain, context, **settings):
+        seeds.append(context.seed)
+        return [np.full((task.n_states, task.n_actions), len(seeds)) for task in domain.tasks]
+
+    monkeypatch.setattr(figure_3_2, "sarsa_solutions", learned)
+    config = figure_3_2.Config(n_runs=6, learned=3, steps=200, points=1, stasis=50)
+    table = figure_3_2.mean_curves.run("smoke", config=config).table.set_index("potential")
+    assert len(set(seeds)) == 3
+    assert table.n_runs.to_dict() == {"none": 6, "Q_star": 6, "Q_tilde": 6, "Q_tilde_sarsa": 3}
+    with pytest.raises(ValueError, match="n_runs is 5, but it must be a multiple of learned"):
+        figure_3_2.Config(n_runs=5, learned=3)
+
+
 def test_leave_one_out_by_hand():
     # Factor 0 is best on task 0 only, factor 1 on tasks 1 and 2.
     totals = np.array([[[9.0], [1.0], [1.0]], [[2.0], [5.0], [5.0]]])

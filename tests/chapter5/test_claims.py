@@ -25,7 +25,8 @@ TRUE_OF_OPPOSITE = {
 }
 #: These are about the printed numbers alone, or need runs of another kind: tested below.
 SPECIAL = {
-    *("table-5.2-means", "table-5.3-is-c.1", "5.4-regular-test", "table-5.6-drops"),
+    *("table-5.2-means", "table-5.3-is-c.1", "5.4-regular-test"),
+    *("table-5.6-drops", "table-5.6-retained"),
     *("5.5.2-ctrnn-filters", "table-5.1-subset"),
 }
 ORDINARY = sorted(set(CLAIMS) - SPECIAL)
@@ -141,11 +142,15 @@ def test_table_5_6_is_no_ratio_of_drops(printed):
     found = CLAIMS["table-5.6-drops"].judge(printed)
     assert found.verdict is Verdict.REFUTED
     assert "mean ratio of retained shares: 14 of 14 centres inside" in found.evidence
+    assert CLAIMS["table-5.6-retained"].judge(printed).verdict is Verdict.REPRODUCED
     table = printed["table-5.6"].copy()
     drops = table.formula == table_5_6.DROPS
     table.loc[drops, "value"] = (table.printed_low + table.printed_high)[drops] / 2
     found = CLAIMS["table-5.6-drops"].judge({"table-5.6": table})
     assert found.verdict is Verdict.REPRODUCED
+    table.loc[table.formula == table_5_6.RETAINED, "value"] **= -1
+    found = CLAIMS["table-5.6-retained"].judge({"table-5.6": table})
+    assert found.verdict is Verdict.REFUTED
 
 
 def test_printed_means_are_compared_at_the_printed_budget_alone(worlds, printed):

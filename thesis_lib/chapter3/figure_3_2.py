@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
 from thesis_lib import potentials
 from thesis_lib.arrays import FloatArray
@@ -50,29 +51,45 @@ class Config:
     """Potentials."""
     sarsa_steps: int = 10_000_000
     """Steps of the Sarsa runs behind Q_tilde_sarsa."""
+    learned: int = 10
+    """Times Q_tilde_sarsa is learned anew, each for as many of the runs."""
     stasis: int = 10_000
     """A stretch of so many steps without reaching the goal counts as stasis."""
 
+    def __post_init__(self) -> None:
+        if self.n_runs % self.learned:
+            raise ValueError(
+                f"n_runs is {self.n_runs}, but it must be a multiple of learned ({self.learned}), "
+                "so that each potential that was learned has as many runs."
+            )
 
-def shaping(config: Config, context: Context) -> dict[str, FloatArray]:
-    """The potentials of figure 3.2 by name."""
+
+def shaping(config: Config, context: Context, learned: int) -> dict[str, list[FloatArray]]:
+    """The potentials of figure 3.2 by name, of Q_tilde_sarsa as many as are to be learned."""
     domain = continuing_cliff(config.discount)
     names = [n for n in config.names if n != "Q_tilde_sarsa"]
     phi = named_potentials(domain, names, epsilon=config.epsilon, mu=MuSearch(), seed=context.seed)
+    found = {name: [potential] for name, potential in phi.items()}
     if "Q_tilde_sarsa" in config.names:
-        learned = sarsa_solutions(
-            domain, context, alpha=0.07, epsilon=config.epsilon, steps=config.sarsa_steps
-        )
-        phi["Q_tilde_sarsa"] = potentials.cross_task_values(domain, learned)
-    return phi
+        settings = {"alpha": 0.07, "epsilon": config.epsilon, "steps": config.sarsa_steps}
+        found["Q_tilde_sarsa"] = [
+            potentials.cross_task_values(
+                domain, sarsa_solutions(domain, replace(context, seed=seed), **settings)
+            )
+            for seed in (int(s.generate_state(1)[0]) for s in context.seeds(learned, 34))
+        ]
+    return found
 
 
-SMOKE = Config(n_runs=3, steps=1000, points=10, sarsa_steps=2000, stasis=100)
+SMOKE = Config(n_runs=4, steps=1000, points=10, sarsa_steps=2000, learned=2, stasis=100)
 
 
 @dataclass(frozen=True)
 class Point(Returns):
-    """A point of a mean curve: returns are cumulative rewards up to it."""
+    """A point of a mean curve: returns are cumulative rewards up to it.
+
+    The runs on one learned potential count as one, their mean.
+    """
 
     potential: str
     """none, Q_star, Q_tilde (exact), Q_tilde_sarsa (learned)."""
@@ -89,15 +106,17 @@ def mean_curves(config: Config, context: Context) -> list[Point]:
     """Cumulative reward of Sarsa on the continuing cliff while it learns, mean of runs."""
     domain = continuing_cliff(config.discount)
     every = config.steps // config.points
+    seeds = context.seeds(config.n_runs, 32)
     records = []
-    for name, potential in shaping(config, context).items():
-        initial = domain.scatter_all(potential)
+    for name, found in shaping(config, context, config.learned).items():
+        every_initial = [domain.scatter_all(potential) for potential in found]
 
         def one(
-            seed: np.random.SeedSequence, initial: list[FloatArray] = initial
+            run: int, every_initial: list[list[FloatArray]] = every_initial
         ) -> tuple[FloatArray, float]:
-            rng = np.random.default_rng(seed)
+            rng = np.random.default_rng(seeds[run])
             m = int(domain.sample(1, rng)[0])
+            initial = every_initial[run % len(every_initial)]
             learned = learn(
                 domain.tasks[m],
                 "sarsa",
@@ -112,9 +131,9 @@ def mean_curves(config: Config, context: Context) -> list[Point]:
             assert learned.rewards is not None
             return learned.checkpoint_rewards, stasis_share(learned.rewards, config.stasis)
 
-        results = context.map(one, context.seeds(config.n_runs, 32), name)
-        reached = np.array([curve for curve, _ in results])
-        share = mean_ci([share for _, share in results])
+        results = context.map(one, range(config.n_runs), name)
+        reached = independent([curve for curve, _ in results], len(found))
+        share = mean_ci(independent([share for _, share in results], len(found)))
         records += [
             Point(
                 potential=name,
@@ -126,6 +145,23 @@ def mean_curves(config: Config, context: Context) -> list[Point]:
             for i in range(config.points)
         ]
     return records
+
+
+def independent(runs: ArrayLike, potentials: int) -> FloatArray:
+    """What counts as one observation: a run, or the mean of those that share a random potential.
+
+    Parameters
+    ----------
+    runs
+        Runs first; run i had potential ``i % potentials``.
+    potentials
+        How many there are; 1 is one that nothing drew.
+    """
+    values = np.asarray(runs, dtype=float)
+    if potentials == 1:
+        return values
+    means: FloatArray = values.reshape(-1, potentials, *values.shape[1:]).mean(axis=0)
+    return means
 
 
 def stasis_share(rewards: FloatArray, length: int) -> float:
@@ -162,7 +198,7 @@ def single_runs(config: Config, context: Context) -> list[Moment]:
     domain = continuing_cliff(config.discount)
     every = config.steps // config.points
     records = []
-    for name, potential in shaping(config, context).items():
+    for name, (potential,) in shaping(config, context, 1).items():
         learned = learn(
             domain.tasks[0],
             "sarsa",
@@ -220,10 +256,7 @@ def net_loss(table: pd.DataFrame) -> Finding:
 
 @criterion("3.4.2-stasis", mean_curves)
 def stasis(table: pd.DataFrame) -> Finding:
-    """Share of the run in long stretches without a goal, shaped against unshaped.
-
-    All runs of a root share one learned potential, whose luck only other roots show.
-    """
+    """Share of the run in long stretches without a goal, shaped against unshaped."""
     by = table.groupby("potential").first()
     share = {
         name: Summary(row.stasis_share, row.stasis_ci95 * row.sd / row.ci95, int(row.n_runs))

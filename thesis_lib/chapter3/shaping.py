@@ -1,4 +1,4 @@
-"""Section 3.1: shaping and initialisation, and section 3.3.2: averages of weights."""
+"""Section 3.1: shaping and initialisation, and section 3.3: averages of values and of weights."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ import numpy as np
 from thesis_lib import potentials
 from thesis_lib.arrays import FloatArray
 from thesis_lib.domains import episodic_cliff
+from thesis_lib.edition.criteria import EXACT, exact
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.words import number
-from thesis_lib.mdp.greedy import greedy_actions
+from thesis_lib.mdp.greedy import epsilon_greedy, greedy_actions
 from thesis_lib.mdp.learning import Learned, Method, learn
 
 EPISODES = 50
@@ -64,6 +65,27 @@ def initialisation_acts_first() -> Finding:
         f"In the start state {bound} of {free} actions are greedy in the initialised table before "
         "the first is taken; in a table of its own that only gets shaping rewards all are.",
         {"initialised": bound, "advised": free},
+    )
+
+
+@criterion("3.3.2-least-squares")
+def mean_has_the_least_error() -> Finding:
+    """Error (3.3) of the mean (3.4) and of a least-squares solver, with unequal p(x|m)."""
+    domain, epsilon = episodic_cliff(True), 0.1
+    tables = potentials.soft_solutions(domain, epsilon)
+    policies = [epsilon_greedy(q, epsilon) for q in tables]
+    p = potentials.pair_weights(domain, "stationary", policies)
+    mean = potentials.cross_task_values(domain, tables, p)
+    met = (domain.distribution[:, None, None] * p).nonzero()
+    root = np.sqrt(domain.distribution[met[0]] * p[met])[:, None]
+    one_hot = np.eye(mean.size)[np.ravel_multi_index(met[1:], mean.shape)]
+    target = root[:, 0] * domain.gather(tables)[met]
+    best = np.linalg.lstsq(root * one_hot, target, rcond=None)[0].reshape(mean.shape)
+    ours, least = (potentials.expected_squared_error(domain, tables, q, p) for q in (mean, best))
+    return exact(
+        ours <= least * (1 + EXACT),
+        f"On the episodic cliff, with the p(x|m) that the soft policies induce, the mean (3.4) has "
+        f"squared error {number(ours)} and a least-squares solver's solution {number(least)}.",
     )
 
 
