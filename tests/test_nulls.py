@@ -6,20 +6,25 @@ scattered, and with too few runs to tell.  Chapters whose cases stand elsewhere 
 test file that holds them.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from thesis_lib import chapter2, chapter3, chapter4, chapter6
+from thesis_lib.edition import chapters
 from thesis_lib.edition.chapters import read_chapter
 from thesis_lib.edition.ledger import Claim, Verdict
+from thesis_lib.edition.reach import place
 
 from .chapter2 import test_criteria
 from .chapter4 import test_criteria as chapter4_cases
+from .chapter5 import test_claims as chapter5_cases
 
 CLAIMS: dict[str, Claim] = {
     c.id: c for package in (chapter2, chapter3, chapter6) for c in read_chapter(package).claims
@@ -366,6 +371,20 @@ def test_chapter_4_has_a_table_for_and_one_against_each_claim() -> None:
         found = {verdict for _, verdict in cases}
         assert Verdict.REPRODUCED in found, claim
         assert len(found) > 1, claim
+
+
+def test_no_claim_of_the_ledger_is_left_out() -> None:
+    """One that stands in none of these tables is asked about by a test of its chapter."""
+    tabled = {*CASES, *HELD_ELSEWHERE, *chapter4_cases.CASES, *chapter5_cases.CLAIMS}
+    for name in chapters.CHAPTERS:
+        tests = "\n".join(file.read_text() for file in Path(__file__).parent.glob(f"{name}/*.py"))
+        for claim in chapters.chapter(name).claims:
+            asked = {claim.id, *(place(criterion)[1] for criterion in claim.criteria)}
+            assert (
+                claim.id in tabled
+                or claim.rests_on
+                or any(re.search(rf"\b{re.escape(word)}\b", tests) for word in asked)
+            ), claim.id
 
 
 @pytest.mark.parametrize("claim", CASES)

@@ -1,6 +1,7 @@
 """The heat domain's experiments: the feature space by hand, and the protocol of section 4.3."""
 
 from dataclasses import fields, is_dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -428,6 +429,14 @@ def test_the_false_positive_rate_is_judged_between_the_ends():
 def test_exact_claims():
     assert heat_relevance.reward().verdict == Verdict.REPRODUCED
     assert heat_relevance.number_of_features().verdict == Verdict.REPRODUCED
+
+
+def test_another_area_and_other_tiles_turn_them(monkeypatch):
+    tiles = SimpleNamespace(tilings=4, tiles=(4, 4, 4, 4), n_features=1024)
+    world = SimpleNamespace(step_reward=-1.0, coding=lambda intervals: tiles)
+    monkeypatch.setattr(heat_relevance, "HeatWorld", lambda: world)
+    assert heat_relevance.reward().verdict == Verdict.REFUTED
+    assert heat_relevance.number_of_features().verdict == Verdict.REFUTED
 
 
 # Figures.

@@ -195,6 +195,8 @@ def test_what_is_left_of_an_impulse_is_told_apart_by_stability() -> None:
     finding = memory.keeps_for_long(table)
     assert finding.verdict is Verdict.REPRODUCED
     assert "1 of 2 are unstable at rest" in finding.evidence
+    table.loc[0, "left"] = 0.5
+    assert memory.keeps_for_long(table).verdict is Verdict.REFUTED
 
 
 @pytest.mark.parametrize(
@@ -254,6 +256,27 @@ def test_sizes_claims_from_the_facts() -> None:
         (sizes.largest_vanilla, Verdict.REPRODUCED),
     ):
         assert judge(table).verdict is verdict, judge.subject
+    # Vanilla nets three times as large and one unit wider, reservoirs as large as the LSTM.
+    lstm = dict(zip(counts, (88, 4624), strict=True))
+    vanilla, reservoir = table.architecture == "dtrnn", table.architecture == "esn"
+    learned = np.where(vanilla, 3 * table.learned, table.learned)
+    learned = np.where(reservoir, table.task.map(lstm), learned)
+    units = np.where((table.task == "Ant") & reservoir, 3328, table.units + vanilla)
+    other = table.assign(learned=learned, units=units)
+    for judge, verdict in (
+        (sizes.vanilla_as_large_as_lstm, Verdict.REFUTED),
+        (sizes.reservoir_as_large_as_lstm, Verdict.REPRODUCED),
+        (sizes.ant_reservoir, Verdict.REPRODUCED),
+        (sizes.largest_vanilla, Verdict.REFUTED),
+    ):
+        assert judge(other).verdict is verdict, judge.subject
+
+
+def test_euler_steps_of_the_time_constant_claim() -> None:
+    table = pd.DataFrame({"net": [identities.EULER, identities.HEUN], "difference": [1e-16, 0.3]})
+    assert identities.euler_is_discrete(table).verdict is Verdict.REPRODUCED
+    table["difference"] = 0.3
+    assert identities.euler_is_discrete(table).verdict is Verdict.REFUTED
 
 
 # --------------------------------------------------------------------------------------- a page

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib import chapter5
+from thesis_lib import chapter5, robustness
 from thesis_lib.chapter5 import (
     ground,
     noise,
@@ -277,6 +277,13 @@ def test_statements_on_the_score_are_exact() -> None:
     assert "−0.50" in BY_ID["5.3-score-range"].judge({}).evidence
     for name in ("5.3-score-one", "5.3-score-others", "5.3-self-scoring", "5.3-slowing"):
         assert judged(name) == Verdict.REPRODUCED
+
+
+def test_a_score_that_is_always_1_turns_every_statement_on_it(monkeypatch) -> None:
+    monkeypatch.setattr(robustness, "score", lambda base, perturbed, best: 1.0)
+    assert judged("5.3-score-range") == Verdict.REPRODUCED
+    for name in ("5.3-score-one", "5.3-score-others", "5.3-self-scoring", "5.3-slowing"):
+        assert judged(name) == Verdict.REFUTED
 
 
 def test_every_difference_says_what_it_changes(tables) -> None:
