@@ -12,6 +12,7 @@ holds exactly for its relevance.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -60,7 +61,7 @@ class Networks:
 
     def single(self) -> Networks:
         """The same networks in single precision, some five times as fast."""
-        own = (self.weights, self.biases, self.heads, self.offsets)
+        own: list[Any] = [self.weights, self.biases, self.heads, self.offsets]
         return Networks(*(values.astype(np.float32) for values in own))
 
 
