@@ -20,6 +20,16 @@ def test_output_by_hand() -> None:
     np.testing.assert_allclose(net(X), expected[None])
 
 
+def test_single_precision_gives_the_same_outputs() -> None:
+    rng = np.random.default_rng(3)
+    shapes = ((4, 5, 3), (4, 3), (4, 3), (4,))
+    net = Networks(*(rng.normal(size=shape) for shape in shapes))
+    inputs = rng.normal(size=(50, 5))
+    short = net.single()(inputs)
+    assert short.dtype == np.float32
+    np.testing.assert_allclose(short, net(inputs), rtol=0, atol=1e-5)
+
+
 def test_derivatives_are_those_of_finite_differences() -> None:
     rng = np.random.default_rng(0)
     theta = _start(3, 2, rng)[None] + 0.3
