@@ -16,7 +16,7 @@ window.addEventListener("DOMContentLoaded", () => {
   // The bibliography is no list by its children's roles.
   document.querySelectorAll(".citation-list[role=list]").forEach((e) => e.removeAttribute("role"));
   // A figure opens in its own size, so that its small print can be read on a phone.
-  for (const picture of document.querySelectorAll("article figure img, article .cell_output img")) {
+  for (const picture of document.querySelectorAll("article img")) {
     if (picture.closest("a")) continue;
     const link = document.createElement("a");
     link.href = picture.src;
@@ -64,6 +64,8 @@ function filterLedger(table) {
     const label = document.createElement("label");
     headline = document.createElement("input");
     headline.type = "checkbox";
+    // All claims are thirty screens of a phone.
+    headline.checked = window.matchMedia("(max-width: 600px)").matches;
     label.append(headline, " headlines only");
     form.append(label);
   }
@@ -88,10 +90,20 @@ function filterLedger(table) {
     }
     count.textContent = `${shown} of ${rows.length}`;
   };
+  // A link to a row that is left out shows it.
+  const arrive = () => {
+    const target = document.getElementById(decodeURIComponent(location.hash.slice(1)));
+    if (!target?.closest("tr")?.hidden) return;
+    form.reset();
+    apply();
+    target.scrollIntoView();
+  };
   form.addEventListener("input", apply);
   form.addEventListener("submit", (event) => event.preventDefault());
+  window.addEventListener("hashchange", arrive);
   (table.closest(".pst-scrollable-table-container") ?? table).before(form);
   apply();
+  arrive();
 }
 
 // The film of the front page moves by itself, unless its reader asked for stillness.

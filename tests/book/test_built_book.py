@@ -292,10 +292,25 @@ class TestInTheBrowser:
 
     @pytest.mark.parametrize("tab", [PHONE], indirect=True)
     @pytest.mark.parametrize("name", PAGES)
-    def test_page_does_not_scroll_sideways_on_a_phone(self, tab: Tab, name: str) -> None:
+    def test_page_fits_a_phone_and_its_figures_can_be_enlarged(self, tab: Tab, name: str) -> None:
         opened = tab.open(f"{name}.html")
         wide = opened.evaluate("document.documentElement.scrollWidth")
         assert wide <= 390, f"{name} is {wide} pixels wide"
+        assert opened.locator("article img:not(a img)").count() == 0
+
+    @pytest.mark.parametrize("tab", [PHONE], indirect=True)
+    def test_the_scoreboard_is_ten_screens_of_a_phone_and_every_row_can_be_linked(
+        self, tab: Tab
+    ) -> None:
+        opened = tab.open("book/scoreboard.html")
+        assert opened.evaluate("document.documentElement.scrollHeight") < 10 * 844
+        boxes = opened.locator(".pst-scrollable-table-container").all()
+        assert all(box.evaluate("e => e.scrollWidth <= e.clientWidth") for box in boxes)
+        left_out = opened.locator("table.ledger tbody tr[hidden] [id^=claim-]").last
+        claim = left_out.get_attribute("id")
+        assert not left_out.is_visible()
+        opened.evaluate("claim => { location.hash = claim }", claim)
+        opened.locator(f"#{claim}").locator("xpath=ancestor::tr").wait_for(state="visible")
 
     @pytest.mark.parametrize("tab", [{}, DARK], ids=["light", "dark"], indirect=True)
     @pytest.mark.parametrize("name", OF_A_KIND)

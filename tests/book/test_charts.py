@@ -3,13 +3,11 @@
 import json
 import re
 from collections import defaultdict
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from thesis_lib.book import charts
-from thesis_lib.edition.ledger import Verdict
 
 
 def rows(chart: Any) -> list[dict[str, Any]]:
@@ -82,12 +80,3 @@ def test_the_page_holds_picture_words_and_chart() -> None:
     assert "![Words.](/book/_generated/chart-law.svg)" in page
     (data,) = re.findall(r'<script type="application/json">(.*)</script>', page)
     assert json.loads(data) == {"title": "</script>"}
-
-
-def test_every_claim_of_an_answer_is_a_square_with_its_verdict() -> None:
-    rows = [{"text": "Is it?", "ours": "That a is {a} and b {b}."}, {"text": "Why?", "ours": "{c}"}]
-    told = {"a": Verdict.REFUTED, "b": Verdict.REPRODUCED, "c": Verdict.NOT_RUN}
-    judged = [SimpleNamespace(claim=SimpleNamespace(id=id), verdict=v) for id, v in told.items()]
-    drawn = charts.answers(rows, judged)["chart-answers.svg"]
-    assert "1. Is it?" in drawn
-    assert re.findall(r">([✓≈–✗?])</text>", drawn) == ["✓", "✗", "?"]

@@ -42,16 +42,20 @@ def test_a_claim_has_a_row_with_verdict_place_evidence_and_command() -> None:
 
 
 def test_a_difference_has_a_row() -> None:
-    row = Difference(*("3-row", "3.4.1", "Topic", "It says.", "We do.", "`x`"), effect="Little.")
+    row = Difference(
+        *("3-row", "3.4.1", "Q* of Q^mu", "It says.", "1e-5.", "`x`"), effect="Little."
+    )
     page = ledger.differences_markdown([row], "nowhere")
-    assert "* - [3.4.1](#ch-potentials)\n  - (difference-3-row)=\n    **Topic.** We do." in page
+    assert (
+        "* - [3.4.1](#ch-potentials)\n  - (difference-3-row)=\n    **Q\\* of Q^μ.** 10⁻⁵." in page
+    )
     assert "*The thesis*: It says." in page
     assert "*What it changes*: Little." in page
 
 
 def test_other_pages_quote_verdict_and_evidence() -> None:
-    told = json.loads(ledger.quoted([JUDGED]))
-    assert told == {"3.4.1-numbers": {"verdict": "refuted (10 of 10)", "evidence": "Off by 3."}}
+    told = json.loads(ledger.quoted([replace(JUDGED, finding=Finding(Verdict.REFUTED, "3e-7."))]))
+    assert told == {"3.4.1-numbers": {"verdict": "refuted (10 of 10)", "evidence": "3 × 10⁻⁷."}}
 
 
 def test_findings_count_the_claims_of_the_thesis() -> None:
@@ -91,6 +95,8 @@ def test_questions_tell_verdicts() -> None:
     row = {"text": "What?", "thesis": "This.", "ours": "It is {3.4.1-numbers}."}
     told = ledger.questions_markdown([row], [JUDGED])
     assert "It is [refuted (10 of 10)](#claim-3.4.1-numbers)." in told
+    assert "1. What?\n\n   [[refuted](#claim-3.4.1-numbers)]{.square .refuted}\n" in told
+    assert "[]{.square .refuted} refuted, []{.square} open." in told
     with pytest.raises(ValueError, match=r"'0\.2'"):
         ledger.questions_markdown([row | {"ours": "It is {0.2}."}], [JUDGED])
 
@@ -103,18 +109,15 @@ def test_the_scoreboard_tells_what_waits_what_flips_and_what_was_mended() -> Non
     judged = [replace(JUDGED, over=split), replace(JUDGED, claim=mended), waiting, same]
     page = ledger.scoreboard_markdown(judged)
     assert (
-        "Claims that wait for their roots: 1. Judged over roots: 3, of which 3 by an earlier "
-        "state of the code or the committed runs. Those of which no verdict came out in eight "
-        "of ten: "
-        "[3.4.1-numbers](#claim-3.4.1-numbers) (inconclusive at this budget (refuted in 6, "
-        "reproduced in 4 of 10; here refuted))." in page
+        "Judged over roots are 3 claims, 3 of them by an earlier state of the code or the "
+        "committed runs; 1 more wait for their roots.\n\n"
+        "No verdict came out in eight of ten roots on\n\n"
+        "- [3.4.1-numbers](#claim-3.4.1-numbers): refuted in 6, reproduced in 4 of 10.\n" in page
     )
-    assert (
-        "* - [3.4.1-mended](#claim-3.4.1-mended)\n  - reproduced\n  - refuted\n  - Noise passed it."
-        in page
-    )
+    assert "* - [3.4.1-mended](#claim-3.4.1-mended)\n  - reproduced, now refuted\n  - Noise" in page
     assert "#claim-3.4.1-same" not in page.replace("(claim-3.4.1-same)", "")
-    assert "| [refuted]{.verdict .refuted} |" in page
+    tally = "| [refuted]{.verdict .refuted}: a proof, an exact computation or a significant"
+    assert f"{tally} result says the opposite | 3 | 2 in all roots, 1 waiting |" in page
 
 
 def test_a_verdict_that_changed_has_a_reason() -> None:

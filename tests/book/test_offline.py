@@ -1,6 +1,8 @@
 """What keeps the pages light."""
 
-from thesis_lib.book.offline import styles_in_use
+import re
+
+from thesis_lib.book.offline import named_code, styles_in_use
 
 
 def test_a_sheet_keeps_the_rules_whose_names_are_in_use() -> None:
@@ -12,3 +14,19 @@ def test_a_sheet_keeps_the_rules_whose_names_are_in_use() -> None:
         "@media print{.gone{margin:0}}.gone .used{color:blue}/* {} */",
     )
     assert styles_in_use(sheet, {"used", "here"}) == used % ("", "", "")
+
+
+def test_folded_code_is_named_by_the_figure_it_makes() -> None:
+    fold = """<details><summary aria-label="Toggle hidden content">
+<p class="collapsed admonition-title">Show code cell source</p>
+<p class="expanded admonition-title">Hide code cell source</p>
+</summary><pre>plot()</pre></details>"""
+    figure = '<figcaption><span class="caption-number">Fig. 3.1 </span></figcaption>'
+    alone = '<div class="cell docutils">'  # a cell in sight makes the second figure
+    page = named_code(fold + fold + figure + fold + alone + figure)
+    assert re.findall("(?<=>)(?:Show|Hide)[^<]*", page) == [
+        *("Show the code", "Hide the code"),
+        *("Show the code of Fig. 3.1", "Hide the code of Fig. 3.1"),
+        *("Show the code", "Hide the code"),
+    ]
+    assert "aria-label" not in page  # which would be read instead

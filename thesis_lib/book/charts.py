@@ -8,7 +8,7 @@ number of its own.  The script that moves them is shipped with the book
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from itertools import product
 from typing import Any
 
@@ -16,10 +16,8 @@ import altair as alt
 import numpy as np
 import pandas as pd
 
-from thesis_lib.book.ledger import NAMED
 from thesis_lib.chapter2 import one_cliff
 from thesis_lib.domains.cliff import continuing_cliff, episodic_cliff, layouts
-from thesis_lib.edition.ledger import Judgement, Verdict
 from thesis_lib.edition.plots import COLOURS
 from thesis_lib.edition.saved import saved
 from thesis_lib.mdp.learning import learn
@@ -28,10 +26,17 @@ from thesis_lib.potentials import q_tilde
 from thesis_lib.selection.fitting import fit_inverse, fstek_threshold
 from thesis_lib.selection.jackknife import f_threshold
 
-WIDTH, HEIGHT = 560, 300
-"""Pixels of a chart."""
+WIDTH, HEIGHT = 420, 300
+"""Pixels of a chart: a phone shows it at nearly its own size, so that its words can be read."""
 
-_PAPER: Mapping[str, Any] = {"background": "white", "font": "DejaVu Sans"}
+_PAPER: Mapping[str, Any] = {
+    "background": "white",
+    "font": "DejaVu Sans",
+    "axis": {"labelFontSize": 12, "titleFontSize": 12},
+    # Below, as beside a chart on a phone there is no room.
+    "legend": {"orient": "bottom", "columns": 3, "labelFontSize": 12, "titleFontSize": 12},
+    "range": {"category": list(COLOURS)},
+}
 
 
 def _slider(name: str, value: float, words: str, **ends: Any) -> alt.Parameter:
@@ -212,54 +217,6 @@ def learning() -> alt.Chart:
     )
 
 
-_MARKS: Mapping[Verdict, tuple[str, str]] = {
-    Verdict.REPRODUCED: ("✓", COLOURS[2]),
-    Verdict.DIRECTION: ("≈", COLOURS[5]),
-    Verdict.NOT_REPRODUCED: ("–", COLOURS[4]),
-    Verdict.REFUTED: ("✗", COLOURS[1]),
-}
-"""How a picture tells a verdict; any other is a question mark on grey."""
-
-
-def answers(rows: Iterable[Mapping[str, str]], judged: Iterable[Judgement]) -> dict[str, str]:
-    """The claims by which each research question is answered, with our verdicts, as files."""
-    import vl_convert
-
-    verdicts = {j.claim.id: j.verdict for j in judged}
-    tiles: list[dict[str, Any]] = []
-    for number, row in enumerate(rows, 1):
-        named = (verdicts[claim] for claim in NAMED.findall(row["ours"]))
-        for at, verdict in enumerate(sorted(named, key=[*Verdict].index)):
-            mark, colour = _MARKS.get(verdict, ("?", "#999999"))
-            words = f"{number}. {row['text']}"
-            kind = str(verdict) if verdict in _MARKS else "open"
-            tiles.append(
-                {"question": words, "at": at, "mark": mark, "colour": colour, "verdict": kind}
-            )
-    kinds = {str(tile["verdict"]): str(tile["colour"]) for tile in tiles}
-    place = alt.Chart(pd.DataFrame(tiles)).encode(
-        x=alt.X("at:O", axis=None),
-        y=alt.Y("question:N", title=None, axis=alt.Axis(labelLimit=520, domain=False, ticks=False)),
-    )
-    squares = place.mark_rect(stroke="white", strokeWidth=2).encode(
-        color=alt.Color(
-            "verdict:N",
-            title="what the thesis answers is",
-            scale=alt.Scale(domain=[*kinds], range=[*kinds.values()]),
-        )
-    )
-    chart = squares + place.mark_text(color="black", size=14).encode(text="mark:N")
-    chart = chart.properties(width=alt.Step(26), height=alt.Step(26))
-    spec = chart.configure(**_PAPER).configure_view(stroke=None)
-    words = (
-        "For each question a row of squares, one a claim, marked by whether the thesis was right"
-    )
-    return {
-        "chart-answers.svg": vl_convert.vegalite_to_svg(spec.to_dict()),
-        "picture-answers.md": _picture("answers", words),
-    }
-
-
 CHARTS: Mapping[str, tuple[Callable[[], alt.Chart], str]] = {
     "law": (law, "k-relevance over k: the law, and the exponential through its first values"),
     "threshold": (threshold, "F-ratio up to which FS-TEK removes a feature, over tasks seen"),
@@ -276,12 +233,9 @@ def charts() -> dict[str, str]:
 
     made = {}
     for name, (make, words) in CHARTS.items():
-        chart = make().configure(**_PAPER)
-        chart = chart.configure_range(category=list(COLOURS))
-        # Below, as beside a chart on a phone there is no room.
-        chart = chart.configure_legend(orient="bottom", columns=3)
         square = name in ("huddle", "paths")
-        spec = chart.properties(width=HEIGHT if square else WIDTH, height=HEIGHT).to_dict()
+        sized = make().properties(width=HEIGHT if square else WIDTH, height=HEIGHT)
+        spec = sized.configure(**_PAPER).to_dict()
         made[f"chart-{name}.svg"] = vl_convert.vegalite_to_svg(spec)
         moving = spec if square else {**spec, "width": "container"}
         made[f"picture-{name}.md"] = _picture(name, words)

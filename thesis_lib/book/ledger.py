@@ -16,9 +16,9 @@ from thesis_lib.edition.ledger import MEANING, Difference, Judgement, Verdict
 from thesis_lib.edition.scoreboard import effect
 from thesis_lib.edition.words import plain
 
-_CLASSES = ("exact", "in all roots", "in most", "in fewer", "waits")
+_CLASSES = ("exact", "in all roots", "in most roots", "in no eight of ten", "waiting")
 
-NAMED = re.compile(r"\{([^}]+)\}")
+_NAMED = re.compile(r"\{([^}]+)\}")
 """A claim in an answer of :func:`questions`."""
 
 _CHAPTERS = {
@@ -37,7 +37,7 @@ _CHAPTERS = {
 def quoted(judged: Iterable[Judgement]) -> str:
     """Verdict and evidence of every claim by id, as JSON, for the roles of other pages."""
     verdicts = {
-        j.claim.id: {"verdict": j.in_words(), "evidence": j.finding.evidence} for j in judged
+        j.claim.id: {"verdict": j.in_words(), "evidence": plain(j.finding.evidence)} for j in judged
     }
     return json.dumps(verdicts, indent=1, ensure_ascii=False) + "\n"
 
@@ -89,6 +89,7 @@ def differences_markdown(rows: Iterable[Difference], results: Path | str) -> str
     lines += [":name: tbl-differences", ":class: ledger", ":header-rows: 1", ""]
     lines += ["* - where", "  - the thesis, and what is done here"]
     for row in sorted(rows, key=lambda row: in_order(row.section)):
+        topic = plain(row.topic).replace("*", r"\*")
         details = [
             f"*The thesis*: {row.thesis}",
             f"*Option*: {row.option}",
@@ -97,7 +98,7 @@ def differences_markdown(rows: Iterable[Difference], results: Path | str) -> str
         lines += [
             f"* - {_where(row.at, row.section)}",
             f"  - (difference-{row.id})=",
-            f"    **{row.topic}.** {row.ours}",
+            f"    **{topic}.** {plain(row.ours)}",
             *_dropdown("The text, the option, the effect", details),
         ]
     return "\n".join([*lines, "::::", ""])
@@ -131,19 +132,31 @@ def questions_markdown(rows: Iterable[Mapping[str, str]], judged: Iterable[Judge
     ValueError
         For an answer that names a claim which is not there.
     """
-    links = {j.claim.id: f"[{j.in_words()}](#claim-{j.claim.id})" for j in judged}
+    by_id = {j.claim.id: j for j in judged}
+
+    def judgement(claim: str) -> Judgement:
+        if claim not in by_id:
+            raise ValueError(f"questions.toml names a claim {claim!r}, which is not there.")
+        return by_id[claim]
 
     def verdict(found: re.Match[str]) -> str:
-        if found[1] not in links:
-            raise ValueError(f"questions.toml names a claim {found[1]!r}, which is not there.")
-        return links[found[1]]
+        return f"[{judgement(found[1]).in_words()}](#claim-{found[1]})"
 
-    lines = []
-    for row in rows:
-        ours = NAMED.sub(verdict, row["ours"].strip())
-        lines += [f"### {row['text']}", "", f"**The thesis.** {row['thesis']}", ""]
-        lines += [f"**This edition.** {plain(ours)}", ""]
-    return "\n".join(lines)
+    overview, answers = [], []
+    for number, row in enumerate(rows, 1):
+        named = sorted(
+            map(judgement, _NAMED.findall(row["ours"])), key=lambda j: [*Verdict].index(j.verdict)
+        )
+        squares = " ".join(
+            f"[[{j.verdict}](#claim-{j.claim.id})]{{.square .{_slug(j.verdict)}}}" for j in named
+        )
+        overview += [f"{number}. {row['text']}", "", f"   {squares}", ""]
+        answers += [f"### {row['text']}", "", f"**The thesis.** {row['thesis']}", ""]
+        answers += [f"**This edition.** {plain(_NAMED.sub(verdict, row['ours'].strip()))}", ""]
+    told = (Verdict.REPRODUCED, Verdict.DIRECTION, Verdict.NOT_REPRODUCED, Verdict.REFUTED)
+    legend = [f"[]{{.square .{_slug(verdict)}}} {verdict}" for verdict in told]
+    legend += ["[]{.square} open"]
+    return "\n".join([*overview, f"{', '.join(legend)}.", "", *answers])
 
 
 def in_order(section: str) -> tuple[str, list[float]]:
@@ -168,20 +181,17 @@ def _tally(judged: Iterable[Judgement]) -> list[str]:
     identities = sum(j.claim.kind == "identity" and not j.claim.ours for j in judged)
     ours = sum(j.claim.ours for j in judged)
     repeated = sum(bool(j.claim.rests_on) for j in judged)
-    lines = [
-        f"| verdict | meaning | {' | '.join(_CLASSES)} | claims |",
-        f"| :-- | :-- | {'--: | ' * len(_CLASSES)}--: |",
-    ]
+    lines = ["| verdict | claims | how often it came out |", "| :-- | --: | :-- |"]
     for verdict in Verdict:
         own = [j for j in evidence if j.verdict is verdict]
         by = Counter(_frequency_class(j) for j in own)
         if own:
-            cells = " | ".join(str(by[name] or "") for name in _CLASSES)
-            mark = f"[{verdict}]{{.verdict .{_slug(verdict)}}}"
-            lines.append(f"| {mark} | {MEANING[verdict]} | {cells} | {len(own)} |")
+            mark = f"[{verdict}]{{.verdict .{_slug(verdict)}}}: {MEANING[verdict]}"
+            often = ", ".join(f"{by[name]} {name}" for name in _CLASSES if by[name])
+            lines.append(f"| {mark} | {len(own)} | {often} |")
     return [
         *lines,
-        f"| all | that evidence decides {'| ' * len(_CLASSES)}| {len(evidence)} |",
+        f"| all that evidence decides | {len(evidence)} | |",
         "",
         f"Besides these, {identities} claims are proofs or arithmetic, which no experiment can "
         f"deny, {repeated} repeat or sum up others, and {ours} are our own.",
@@ -197,25 +207,29 @@ def _state(judged: Sequence[Judgement], earlier: Set[str]) -> list[str]:
     drawn = [j for j in judged if j.over and not j.over.exact]
     if not drawn:
         return []
-    waiting = sum(_frequency_class(j) == "waits" for j in judged if not j.claim.rests_on)
+    waiting = sum(_frequency_class(j) == "waiting" for j in judged if not j.claim.rests_on)
     stale = sum(j.claim.id in earlier for j in drawn)
     flips = [j for j in drawn if j.over and not j.over.held]
-    listed = ", ".join(f"[{j.claim.id}](#claim-{j.claim.id}) ({j.in_words()})" for j in flips)
     lines = [
-        f"Claims that wait for their roots: {waiting}. Judged over roots: {len(drawn)}, of which "
-        f"{stale} by an earlier state of the code or the committed runs. Those of which no "
-        f"verdict came out in eight of ten: {listed or 'none'}.",
+        f"Judged over roots are {len(drawn)} claims, {stale} of them by an earlier state of the "
+        f"code or the committed runs; {waiting} more wait for their roots.",
         "",
     ]
+    if flips:
+        lines += ["No verdict came out in eight of ten roots on", ""]
+        lines += [
+            f"- [{j.claim.id}](#claim-{j.claim.id}): {j.over.frequency}." for j in flips if j.over
+        ]
+        lines += [""]
     mended = [j for j in judged if j.claim.was not in ("", j.verdict, j.finding.verdict)]
     if not mended:
         return lines
     lines += ["::::{list-table} Verdicts that changed when a criterion or its evidence was mended"]
     lines += [":name: tbl-claims-mended", ":header-rows: 1", ""]
-    lines += ["* - claim", "  - was", "  - is", "  - because"]
+    lines += ["* - claim", "  - was, and is", "  - because"]
     for j in mended:
-        lines += [f"* - [{j.claim.id}](#claim-{j.claim.id})", f"  - {j.claim.was}"]
-        lines += [f"  - {j.verdict}", f"  - {j.claim.because}"]
+        lines += [f"* - [{j.claim.id}](#claim-{j.claim.id})", f"  - {j.claim.was}, now {j.verdict}"]
+        lines += [f"  - {j.claim.because}"]
     return [*lines, "::::", ""]
 
 
@@ -228,10 +242,12 @@ def _by_earlier_code(judgement: Judgement) -> bool:
 def _frequency_class(judgement: Judgement) -> str:
     over = judgement.over
     if over is None:
-        return "waits" if judgement.claim.experiments else "exact"
+        return "waiting" if judgement.claim.experiments else "exact"
     if over.exact:
         return "exact"
-    return "in all roots" if over.held == over.of else "in most" if over.held else "in fewer"
+    if over.held == over.of:
+        return "in all roots"
+    return "in most roots" if over.held else "in no eight of ten"
 
 
 def _counts(judgement: Judgement) -> bool:

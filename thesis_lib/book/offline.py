@@ -164,12 +164,31 @@ def _is_mathematics(node: nodes.Node) -> bool:
     return isinstance(node, nodes.math | nodes.math_block)
 
 
+_FOLDED = re.compile(
+    r'<summary aria-label="Toggle hidden content">(.*?)code cell source(.*?)code cell source',
+    re.DOTALL,
+)
+"""What unfolds the code of a cell."""
+
+
+def named_code(page: str) -> str:
+    """A page whose folded code is told apart by the figure or table it makes, if any."""
+
+    def named(found: re.Match[str]) -> str:
+        own = re.split('<summary|<section|<div class="cell ', page[found.end() :], maxsplit=1)[0]
+        caption = re.search(r'<span class="caption-number">([^<]*?)\s*<', own)
+        what = f"the code of {caption[1]}" if caption else "the code"
+        return f"<summary>{found[1]}{what}{found[2]}{what}"
+
+    return _FOLDED.sub(named, page)
+
+
 def _shorten(app: Any, exception: Exception | None) -> None:
     """Have pictures loaded when they come into sight, and say how large they are.
 
-    Figures become WebP, a third of PNG and the same to the pixel.  Spans around each word of
-    code, a quarter of a page of the reference, others without a look, and classes that no style
-    or script asks for are left out.
+    Figures become WebP, a third of PNG and the same to the pixel, and folded code says what it
+    makes.  Spans around each word of code, a quarter of a page of the reference, others without a
+    look, and classes that no style or script asks for are left out.
     """
     if exception is not None or app.builder.format != "html":
         return
@@ -199,7 +218,7 @@ def _shorten(app: Any, exception: Exception | None) -> None:
 
     for page in Path(app.outdir).rglob("*.html"):
         text = page.read_text(encoding="utf-8")
-        short = re.sub(r"(_images/[^\"/]+)\.png\b", r"\1.webp", text)
+        short = re.sub(r"(_images/[^\"/]+)\.png\b", r"\1.webp", named_code(text))
         short = re.sub(r'<img ((?:[^>]*? )?src="[^"]*_images/([^"/]+)")', sized, short)
         short = re.sub(r'<span class="(?:pre|std std-\w+)">([^<]*)</span>', r"\1", short)
         short = short.replace('class="docutils literal notranslate"', 'class="literal"')

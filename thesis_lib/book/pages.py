@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from thesis_lib.book.charts import answers, charts
+from thesis_lib.book.charts import charts
 from thesis_lib.book.environments import environments_markdown
 from thesis_lib.book.execution import Run
 from thesis_lib.book.films import film_markdown, films_markdown, listed
@@ -46,7 +46,6 @@ def generated(
         "findings.md": findings_markdown(judged),
         "scoreboard.md": scoreboard_markdown(judged),
         "questions.md": questions_markdown(questions(), judged),
-        **answers(questions(), judged),
         "ledger.json": quoted(judged),
         "differences.md": differences_markdown(differences(), results),
         "map.md": items_markdown(read_items(root / ITEMS), judged),
