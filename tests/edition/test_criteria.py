@@ -171,6 +171,21 @@ def test_numbers_in_words(text, expected):
         ("k^2 |rho_k - rho_inf| from -0.00 to -0.01", "k² |ρₖ - ρ∞| from 0.00 to −0.01"),
         ("gamma 0.9 at alpha = .1, 2026-11-29 (-3)", "γ 0.9 at α = .1, 2026-11-29 (−3)"),
         ("with the 1 tasks as the unit p = nan.", "with the one task as the unit p not defined."),
+        (
+            "Of 1 comparisons none is equal (Welch) and 1 is greater (Holm)",
+            "The one comparison is not equal (Welch) and is greater (Holm)",
+        ),
+        ("Of 1 comparisons 1 is equal", "The one comparison is equal"),
+        ("Of 3 comparisons 3 are equal", "All 3 comparisons are equal"),
+        ("Of 13 comparisons 3 are equal", "Of 13 comparisons 3 are equal"),
+        (
+            "Of 1 comparisons all go up, but only none is sure",
+            "The one comparison goes up, but is not sure",
+        ),
+        (
+            "Of 2 comparisons all go up, but only none is sure",
+            "Of 2 comparisons all go up, but none is sure",
+        ),
     ],
 )
 def test_what_a_program_writes_becomes_what_a_person_would(machine, person):

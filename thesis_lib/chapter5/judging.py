@@ -117,9 +117,10 @@ def together(parts: list[Evidence | None]) -> Evidence | None:
     found = [part for part in parts if part is not None]
     if len(found) < len(parts):
         return None
+    first, *others = (part.sentence for part in found)
     return Evidence(
         min((part.verdict for part in found), key=_ORDER.index),
-        " ".join(part.sentence for part in found),
+        " ".join([first, *(other[0].upper() + other[1:] for other in others)]),
         min(part.units for part in found),
         min(part.tasks for part in found),
         all(part.printed_budget for part in found),
@@ -185,10 +186,10 @@ def ahead(
         verdict = Verdict.DIRECTION if positive else Verdict.NOT_REPRODUCED
     least = rows.loc[rows.difference.idxmin()]
     sentence = (
-        f"{least['first']} less {least.second} {difference(least)}"
-        f"{', the least of ' + str(len(rows)) if len(rows) > 1 else ''}; over runs "
-        f"{_significant(p_runs)}, with the {least.tasks} tasks as the unit {_significant(p_tasks)} "
-        f"(Friedman over all seven nets p = {least.p_friedman:.2g})."
+        f"{least['first']} less {least.second} {difference(least)} "
+        f"{'in score' if measure == 'robustness' else 'of the best return'}"
+        f"{f', the least of {len(rows)} differences' if len(rows) > 1 else ''}: "
+        f"{_significant(p_runs)} over runs{_over_tasks(p_tasks, least)}."
     )
     return Evidence(
         verdict,
@@ -217,10 +218,23 @@ def minus(text: str) -> str:
     return "−" + text[1:] if text.startswith("-") else text
 
 
+def _over_tasks(p_tasks: np.ndarray, row: pd.Series) -> str:
+    """What tests with tasks as the unit say, if there are several tasks."""
+    if np.isnan(p_tasks).any():
+        return ""
+    return (
+        f" and {_significant(p_tasks)} with the {row.tasks} tasks as the unit "
+        f"(Friedman over all seven nets p = {row.p_friedman:.2g})"
+    )
+
+
 def _significant(p: np.ndarray) -> str:
     if len(p) == 1:
         return f"p = {p[0]:.2g}"
-    return f"{int((p < ALPHA).sum())} of {len(p)} are significant"
+    sure = int((p < ALPHA).sum())
+    if sure == len(p):
+        return "all significant"
+    return f"{sure or 'none'} of {len(p)} significant"
 
 
 def _holm(p: pd.Series) -> np.ndarray:

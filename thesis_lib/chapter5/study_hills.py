@@ -165,11 +165,11 @@ def _above_zero(table: pd.DataFrame, source: str, name: str, what: str) -> Evide
         verdict = Verdict.REFUTED
     else:
         verdict = Verdict.DIRECTION if row.value > 0 else Verdict.NOT_REPRODUCED
-    sentence = (
-        f"{what} {row.value:+.2f} [{row.low:.2f}, {row.high:.2f}] on a logarithmic scale; with the "
-        f"{row.robots} robots as the unit p = {row.p_tasks:.2g}."
-    )
-    return Evidence(verdict, sentence, int(row.units), int(row.robots), bool(row.printed_budget))
+    sentence = f"{what} {row.value:+.2f} [{row.low:.2f}, {row.high:.2f}] on a logarithmic scale"
+    if row.robots > 1:
+        sentence += f"; with the {row.robots} robots as the unit p = {row.p_tasks:.2g}"
+    depth = int(row.units), int(row.robots), bool(row.printed_budget)
+    return Evidence(verdict, f"{sentence}.", *depth)
 
 
 @both("5.7-pomdp-transfer", effects)

@@ -164,12 +164,13 @@ def _evidence(rows: pd.DataFrame, verdict: Verdict, sentence: str) -> Evidence:
 
 
 def _bounds(rows: pd.DataFrame) -> str:
-    listed = ", ".join(f"{r.Index} {r.low:.2f} to {r.high:.2f}" for r in rows.itertuples())
-    few = rows[rows.p_tasks < ALPHA]
-    return (
-        f"{listed}; with tasks as the unit p < {ALPHA:g} for "
-        f"{' and '.join(few.index) if len(few) else 'none'}"
-    )
+    listed = ", ".join(f"{r.low:.2f} to {r.high:.2f} ({r.Index})" for r in rows.itertuples())
+    where = "under noise" if (rows.perturbation == "noise").all() else "over the switch"
+    told = f"{where} training on hills multiplies the share kept by {listed}"
+    if rows.p_tasks.isna().all():
+        return told
+    few = rows.index[rows.p_tasks < ALPHA]
+    return f"{told}; with tasks as the unit p < {ALPHA:g} for {' and '.join(few) or 'no net'}"
 
 
 def improves(table: pd.DataFrame, source: str, perturbation: str) -> Evidence | None:
@@ -253,7 +254,8 @@ def esn_improves_least(source: str, table: pd.DataFrame) -> Evidence | None:
     return _evidence(
         rows,
         verdict,
-        f"ESN {esn.low:.2f} to {esn.high:.2f}, the next {others.value.idxmin()} "
+        "under noise training on hills multiplies the share that the ESN keeps by "
+        f"{esn.low:.2f} to {esn.high:.2f}, that of the next, the {others.value.idxmin()}, by "
         f"{others.loc[others.value.idxmin()].low:.2f} to "
         f"{others.loc[others.value.idxmin()].high:.2f}.",
     )
