@@ -58,12 +58,12 @@ def rate(architecture: str, config: TrainConfig, iterations: int) -> dict[str, A
 def stepped(worlds: BatchTask, steps: int) -> float:
     """Steps a second of worlds that restart when they end, under random actions."""
     draw = np.random.default_rng(0)
-    actions = draw.standard_normal((64, worlds.n_worlds, worlds.action_size))
+    actions = draw.standard_normal((64, worlds.num_envs, worlds.action_size))
     worlds.reset()
     start, done = time.process_time(), 0
     while done < steps:
-        outcome = worlds.step(actions[done // worlds.n_worlds % 64])
-        done += worlds.n_worlds
+        outcome = worlds.step(actions[done // worlds.num_envs % 64])
+        done += worlds.num_envs
         ended = np.flatnonzero(outcome.terminated | outcome.truncated)
         if ended.size:
             worlds.reset(ended)

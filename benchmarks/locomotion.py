@@ -67,7 +67,7 @@ class Bare:
     def __init__(self, batch: BatchTask, threads: int) -> None:
         inner = batch._batch
         self.batch = mujoco.batch.Batch(
-            batch.model, batch.n_worlds, threads, persistent=inner.persistent
+            batch.model, batch.num_envs, threads, persistent=inner.persistent
         )
         self.stage, self.skip = batch._stage, batch.task.robot.frame_skip
         self.ctrl = self.batch.bind("ctrl")

@@ -57,7 +57,7 @@ TASKS = ("Hopper", "HalfCheetah")
 ENVIRONMENTS = 16
 DELTA = 0.05
 LIKE_THE_PEER = {
-    "trace": 0.95,
+    "gae_lambda": 0.95,
     "bootstrap": True,
     "cg_iterations": 15,
     "initialisation": "orthogonal",

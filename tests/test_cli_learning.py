@@ -257,7 +257,7 @@ def test_a_test_that_comes_to_no_number_is_one_sentence(
         (["--kl-direction", "both"], "choose one of old_new, new_old"),
         (["--damping", "-1"], "damping is -1.0"),
         (["--discount", "2"], "discount is 2.0"),
-        (["--trace", "-1"], "trace is -1.0"),
+        (["--gae-lambda", "-1"], "gae_lambda is -1.0"),
         (["--reading", "novel"], "reading"),
         (["--leak", "0.9"], "--leak has no effect here, only with architecture esn"),
         (["--maps", "3"], "--maps has no effect here, only with terrain hill"),

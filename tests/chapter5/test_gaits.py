@@ -105,7 +105,7 @@ def test_first_means_are_actions_without_their_noise(net: str) -> None:
     row = first_means.sizes.run(config=config).table.iloc[0]
     run = TrainConfig(task="HalfCheetah", architecture=net, seed=0, batch_steps=60)
     task = make_batch_task(run)
-    assert task.n_worlds == 1  # and one episode, so that the noise was drawn row by row
+    assert task.num_envs == 1  # and one episode, so that the noise was drawn row by row
     (seed,) = Context(seed=0).seeds(1, 5, 12, 2, 0)
     policy = make_run_policy(run)
     rollouts = collect(task, policy, 60, np.random.default_rng(seed))

@@ -183,7 +183,7 @@ def test_figures_of_comparisons_draw_every_learner_and_setting() -> None:
         {
             "task": ["Hopper", "Ant"],
             "architecture": ["gru", "esn"],
-            "changed": ["trace=0.9", "leak=1.0"],
+            "changed": ["gae_lambda=0.9", "leak=1.0"],
             "mean_reference": [50.0, -20.0],
             "difference": [10.0, 5.0],
             "low": [5.0, -5.0],
@@ -196,7 +196,7 @@ def test_figures_of_comparisons_draw_every_learner_and_setting() -> None:
     assert [float(dot.get_xdata()[0]) for dot in dots] == [10.0, 5.0]
     assert [dot.get_markerfacecolor() == "white" for dot in dots] == [False, True]
     assert [t.get_text() for t in ax.get_yticklabels()] == [
-        "GRU: trace 0.9",
+        "GRU: gae lambda 0.9",
         "ESN: leak 1.0",
     ]
     plt.close("all")

@@ -31,7 +31,7 @@ def test_rows_state_the_defaults() -> None:
     assert (config.batch_steps, config.horizon, config.iterations) == (50_000, 500, 500)
     assert "50,000, in episodes of at most 500 steps" in ROWS["5.4-batch"].ours
     assert "500 by default" in ROWS["5.4-iterations"].ours
-    assert (config.discount, config.trace, config.bootstrap) == (0.99, 1.0, False)
+    assert (config.discount, config.gae_lambda, config.bootstrap) == (0.99, 1.0, False)
     assert "gamma is 0.99" in ROWS["2.3.4-discount"].ours
     assert "counts as 0" in ROWS["2.3.4-bootstrap"].ours
     assert (config.cg_iterations, config.damping) == (10, 1e-5)
@@ -94,7 +94,7 @@ def test_what_is_measured_is_told() -> None:
         **{"mean_changed": -7.2, "mean_reference": 3.1, "difference": -10.3},
         **{"low": -12.0, "high": -8.0, "p_difference": 0.01, "p_holm": 0.02},
     }
-    other = row | {"changed": "trace=0.9"}
+    other = row | {"changed": "gae_lambda=0.9"}
     told = options.measured(pd.DataFrame([row]), "gru", "bootstrap=True")
     assert "`bootstrap=True` for the GRU on HalfCheetah: over 2 iterations of 4,000 steps" in told
     assert "is −7 instead of 3, a difference of −10 (95% interval −12 to −8, 2 seeds" in told

@@ -70,10 +70,10 @@ def test_time_constants_are_those_of_the_checkpoint(
 
 def test_options_are_paired_seed_by_seed() -> None:
     found = options.changes.run("smoke").table
-    row = found[(found.architecture == "dtrnn") & (found.changed == "trace=0.97")].iloc[0]
+    row = found[(found.architecture == "dtrnn") & (found.changed == "gae_lambda=0.97")].iloc[0]
     curves = saved("options/dtrnn/curves").table
     mean = curves.groupby(["variant", "seed"]).mean_return.mean()
-    test = stats.ttest_rel(mean["trace=0.97"], mean["default"])
+    test = stats.ttest_rel(mean["gae_lambda=0.97"], mean["default"])
     assert row.p_difference == pytest.approx(test.pvalue)
     interval = test.confidence_interval()
     assert (row.low, row.high) == pytest.approx((interval.low, interval.high))

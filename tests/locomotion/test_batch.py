@@ -34,7 +34,7 @@ class Bumps:
 
 def random_actions(task, steps, seed=0, scale=1.0):
     rng = np.random.default_rng(seed)
-    return rng.uniform(-scale, scale, (steps, task.n_worlds, task.action_size))
+    return rng.uniform(-scale, scale, (steps, task.num_envs, task.action_size))
 
 
 def current_fields(model, data, action):
@@ -565,9 +565,9 @@ def test_model_change_from_the_start_is_bit_identical_to_that_model():
 
 def test_a_perturbation_may_bring_its_ground():
     class Brings(Perturbation):
-        def ground(self, robot, n_worlds, seed):
+        def ground(self, robot, num_envs, seed):
             assert robot == "Ant"
-            return [Bumps(phase) for phase in range(n_worlds)]
+            return [Bumps(phase) for phase in range(num_envs)]
 
     batch = BatchTask("Ant", 3, perturbations=[Brings()])
     assert len({id(m) for m in batch._batch.models}) == 3
@@ -674,9 +674,9 @@ def test_planar_robots_stay_in_their_plane(name):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"n_worlds": 0}, "n_worlds is 0, but must be a whole number of at least 1"),
-        ({"n_worlds": -3}, "n_worlds is -3"),
-        ({"n_worlds": 2.5}, "n_worlds is 2.5"),
+        ({"num_envs": 0}, "num_envs is 0, but must be a whole number of at least 1"),
+        ({"num_envs": -3}, "num_envs is -3"),
+        ({"num_envs": 2.5}, "num_envs is 2.5"),
         ({"task": "Snake"}, "robot 'Snake' does not exist"),
         ({"threads": -1}, "threads is -1"),
         ({"max_episode_steps": 0}, "max_episode_steps is 0"),
@@ -688,7 +688,7 @@ def test_planar_robots_stay_in_their_plane(name):
 )
 def test_bad_construction(arguments, message):
     with pytest.raises(ValueError, match=message):
-        BatchTask(**{"task": "Hopper", "n_worlds": 2, **arguments})
+        BatchTask(**{"task": "Hopper", "num_envs": 2, **arguments})
 
 
 def test_bad_actions_are_refused_before_anything_moves():

@@ -382,7 +382,7 @@ def test_bad_action(bad):
 
 
 def test_zero_worlds():
-    with pytest.raises(ValueError, match="n_worlds is 0, but must be a whole number"):
+    with pytest.raises(ValueError, match="num_envs is 0, but must be a whole number"):
         gymnasium.make_vec("thesis/Hopper-v0", num_envs=0)
 
 

@@ -40,7 +40,7 @@ def drive(task, steps, seed=0):
     for t in range(steps):
         if t % 7 == 6 and not task.autoreset:
             told.append(task.reset([0]).ravel())
-        step = task.step(rng.uniform(-1, 1, (task.n_worlds, task.action_size)))
+        step = task.step(rng.uniform(-1, 1, (task.num_envs, task.action_size)))
         told += [step.observation, step.reward, step.terminated, step.truncated, task.qpos]
         told += [
             step.info.true_observation,

@@ -23,17 +23,17 @@ class ScriptedTask:
 
     observation_size, action_size = 2, 1
 
-    def __init__(self, n_worlds: int, lengths: Iterator[int]) -> None:
-        self.n_worlds = n_worlds
+    def __init__(self, num_envs: int, lengths: Iterator[int]) -> None:
+        self.num_envs = num_envs
         self.script = lengths
         self.started: list[int] = []
-        self.episode = np.zeros(n_worlds, dtype=int)
-        self.time = np.zeros(n_worlds, dtype=int)
+        self.episode = np.zeros(num_envs, dtype=int)
+        self.time = np.zeros(num_envs, dtype=int)
         self.simulated = 0
         self.poison: tuple[str, int] | None = None
 
     def reset(self, worlds: Any = None) -> NDArray[np.float64]:
-        ids = np.arange(self.n_worlds) if worlds is None else np.asarray(worlds)
+        ids = np.arange(self.num_envs) if worlds is None else np.asarray(worlds)
         for i in ids:
             self.episode[i] = len(self.started)
             self.started.append(next(self.script))
@@ -44,7 +44,7 @@ class ScriptedTask:
         return np.stack([self.episode, self.time], axis=1).astype(float)
 
     def step(self, actions: ArrayLike) -> Outcome:
-        assert np.shape(actions) == (self.n_worlds, 1)
+        assert np.shape(actions) == (self.num_envs, 1)
         length = np.array([self.started[k] for k in self.episode])
         running = self.time < length
         reward = np.where(running, 100.0 * self.episode + self.time, 0.0)

@@ -138,7 +138,7 @@ def test_a_recurrent_policy_learns_to_push_the_right_way():
 def test_bad_input_is_one_sentence():
     with pytest.raises(ValueError, match="give an environment with a Box action"):
         GymnasiumTask("CartPole-v1", 1)
-    with pytest.raises(ValueError, match="n_worlds is 0"):
+    with pytest.raises(ValueError, match="num_envs is 0"):
         GymnasiumTask("Pendulum-v1", 0)
     with pytest.raises(ValueError, match="max_episode_steps is given beside a function"):
         GymnasiumTask(Countdown, 1, max_episode_steps=3)

@@ -145,7 +145,7 @@ def test_an_episode_that_ended_by_itself_is_not_credited() -> None:
     assert recorder.batches[1].advantages[2:].tolist() == pytest.approx(expected, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", ["discount", "trace"])
+@pytest.mark.parametrize("name", ["discount", "gae_lambda"])
 def test_fractions(name: str) -> None:
     policy = make_policy("ffwd", 1, 1, dt=0.1)
     with pytest.raises(ValueError, match=rf"{name} is 1\.5, but it must be in \[0, 1\]"):

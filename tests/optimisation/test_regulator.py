@@ -131,7 +131,7 @@ def test_a_vector_system() -> None:
 
 
 def test_bad_arguments() -> None:
-    with pytest.raises(ValueError, match="n_worlds is 0"):
+    with pytest.raises(ValueError, match="num_envs is 0"):
         LinearQuadraticTask(0)
     with pytest.raises(ValueError, match=r"Q has shape \(2, 2\)"):
         LinearQuadraticTask(1, Q=np.identity(2))

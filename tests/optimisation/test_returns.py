@@ -26,20 +26,22 @@ def test_returns_by_hand() -> None:
     st.integers(0, 1000),
 )
 @settings(max_examples=60, deadline=None)
-def test_against_the_sums(lengths: list[int], discount: float, trace: float, seed: int) -> None:
+def test_against_the_sums(
+    lengths: list[int], discount: float, gae_lambda: float, seed: int
+) -> None:
     rng = np.random.default_rng(seed)
     packing = Packing(np.array(lengths))
     rewards, values = rng.normal(size=(2, packing.n_steps))
     last = rng.normal(size=len(lengths))
     returns = discounted_returns(rewards, packing, discount)
-    estimate = advantages(rewards, values, packing, discount, trace, last)
+    estimate = advantages(rewards, values, packing, discount, gae_lambda, last)
     for b, n in enumerate(lengths):
         mine = [np.flatnonzero((packing.episode == b) & (packing.time == t))[0] for t in range(n)]
         r, v = rewards[mine], values[mine]
         np.testing.assert_allclose(returns[mine], by_definition(r, discount), atol=1e-12)
         after = np.append(v[1:], last[b])
         delta = r + discount * after - v
-        expected = by_definition(delta, discount * trace)
+        expected = by_definition(delta, discount * gae_lambda)
         np.testing.assert_allclose(estimate[mine], expected, atol=1e-12)
 
 
@@ -62,7 +64,7 @@ def test_bad_arguments() -> None:
     packing = Packing(np.array([2, 1]))
     with pytest.raises(ValueError, match=r"discount is 1\.1"):
         discounted_returns(np.zeros(3), packing, 1.1)
-    with pytest.raises(ValueError, match=r"trace is -0\.1"):
+    with pytest.raises(ValueError, match=r"gae_lambda is -0\.1"):
         advantages(np.zeros(3), np.zeros(3), packing, 0.9, -0.1)
     with pytest.raises(ValueError, match="the batch has 3 steps"):
         discounted_returns(np.zeros(4), packing, 0.9)

@@ -17,8 +17,8 @@ def policy_for(architecture: str = "dtrnn") -> GaussianPolicy:
     return make_policy(architecture, 2, 1, dt=0.1, seed=0, dtype=torch.float64)
 
 
-def gather(lengths: list[int], n_worlds: int, n_steps: int) -> tuple[Rollouts, ScriptedTask]:
-    task = ScriptedTask(n_worlds, iter(lengths))
+def gather(lengths: list[int], num_envs: int, n_steps: int) -> tuple[Rollouts, ScriptedTask]:
+    task = ScriptedTask(num_envs, iter(lengths))
     return collect(task, policy_for(), n_steps, np.random.default_rng(0)), task
 
 
@@ -36,9 +36,9 @@ def one_after_the_other(lengths: list[int], n_steps: int) -> list[int]:
 )
 @settings(max_examples=60, deadline=None)
 def test_the_batch_is_that_of_a_single_world(
-    lengths: list[int], n_worlds: int, n_steps: int
+    lengths: list[int], num_envs: int, n_steps: int
 ) -> None:
-    rollouts, task = gather(lengths, n_worlds, n_steps)
+    rollouts, task = gather(lengths, num_envs, n_steps)
     assert rollouts.lengths.tolist() == one_after_the_other(lengths, n_steps)
     assert rollouts.n_simulated == task.simulated
 
@@ -50,7 +50,7 @@ def test_short_episodes_have_no_advantage() -> None:
     ours, first_finished, shares = [], [], []
     for _ in range(150):
         lengths = rng.choice([1, 40], 600).tolist()
-        rollouts, _ = gather(lengths, n_worlds=10, n_steps=120)
+        rollouts, _ = gather(lengths, num_envs=10, n_steps=120)
         alone = one_after_the_other(lengths, 120)
         ours.append(np.mean(rollouts.lengths == 1))
         shares.append(np.mean(np.array(alone) == 1))
@@ -66,7 +66,7 @@ def test_short_episodes_have_no_advantage() -> None:
 
 def test_rows_hold_what_happened() -> None:
     lengths = [3, 1, 4, 2, 2, 5, 1, 1, 1, 9]
-    rollouts, _ = gather(lengths, n_worlds=3, n_steps=11)
+    rollouts, _ = gather(lengths, num_envs=3, n_steps=11)
     packing = rollouts.packing
     assert rollouts.lengths.tolist() == [3, 1, 4, 2, 2]
     expected = np.stack([packing.episode, packing.time], axis=1)
@@ -127,7 +127,7 @@ def test_one_episode_in_every_world() -> None:
 
 
 def test_padded_arrays_make_the_same_batch() -> None:
-    rollouts, _ = gather([3, 1, 4, 2, 2, 5, 9, 9], n_worlds=2, n_steps=10)
+    rollouts, _ = gather([3, 1, 4, 2, 2, 5, 9, 9], num_envs=2, n_steps=10)
     wide = [
         np.concatenate([rollouts.padded(n), np.full_like(rollouts.padded(n)[:2], 1e9)])
         for n in ("observations", "actions", "rewards")

@@ -119,15 +119,17 @@ class Noted:
     def load_state_dict(self, state: dict[str, Any]) -> None: ...
 
 
-@pytest.mark.parametrize(("trace", "targets"), [(0.0, "lambda"), (1.0, "lambda"), (0.0, "returns")])
-def test_targets_by_hand(trace: float, targets: str) -> None:
+@pytest.mark.parametrize(
+    ("gae_lambda", "targets"), [(0.0, "lambda"), (1.0, "lambda"), (0.0, "returns")]
+)
+def test_targets_by_hand(gae_lambda: float, targets: str) -> None:
     task = LinearQuadraticTask(4, A=0.5, B=0.2, R=0.5, seed=0)
     policy = make_policy("ffwd", 1, 1, dt=0.1, units=2)
     rollouts = collect(task, policy, 20, np.random.default_rng(0))
     noted = Noted()
-    Learner(policy, VPG(), discount=0.5, trace=trace, baseline=noted, targets=targets).improve(
-        rollouts
-    )
+    Learner(
+        policy, VPG(), discount=0.5, gae_lambda=gae_lambda, baseline=noted, targets=targets
+    ).improve(rollouts)
     packing, rewards = rollouts.packing, rollouts.rewards
     expected = np.empty(len(rewards))
     for episode in range(packing.n_episodes):
@@ -140,7 +142,9 @@ def test_targets_by_hand(trace: float, targets: str) -> None:
             after = 2.0 if k + 1 < len(rows) else 0.0
             total = rewards[rows[k]] + 0.5 * total
             expected[rows[k]] = (
-                rewards[rows[k]] + 0.5 * after if (trace, targets) == (0.0, "lambda") else total
+                rewards[rows[k]] + 0.5 * after
+                if (gae_lambda, targets) == (0.0, "lambda")
+                else total
             )
     np.testing.assert_allclose(noted.target, expected, rtol=1e-12)
 

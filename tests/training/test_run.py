@@ -172,7 +172,7 @@ def test_step_sizes_of_table_5_1(task: str, architecture: str, delta: float) -> 
     ],
 )
 def test_feature_subsets(task: str, architecture: str, seen: int) -> None:
-    config = TrainConfig(task=task, architecture=architecture, worlds=1)
+    config = TrainConfig(task=task, architecture=architecture, num_envs=1)
     policy = make_run_policy(config)
     assert policy.feature_size == seen
     full = dataclasses.replace(config, features="full")
@@ -190,13 +190,13 @@ def test_every_run_has_a_directory_of_its_own() -> None:
 
 def test_settings_reach_the_policy() -> None:
     config = TrainConfig(
-        task="walker", architecture="ctrnn", integrator="euler", time_constant=0.05, worlds=1
+        task="walker", architecture="ctrnn", integrator="euler", time_constant=0.05, num_envs=1
     )
     policy = make_run_policy(config)
     assert isinstance(policy, CTRNN)
     assert (policy.dt, policy.integrator) == (0.005, "euler")
     assert policy.time_constants().tolist()[0] == pytest.approx(0.05)
-    config = TrainConfig(task="hopper", architecture="esn", density=0.5, worlds=1)
+    config = TrainConfig(task="hopper", architecture="esn", density=0.5, num_envs=1)
     reservoir = make_run_policy(config)
     assert isinstance(reservoir, ESN)
     assert (reservoir.spectral_radius, reservoir.density, reservoir.leak) == (1.1, 0.5, 0.5)
@@ -257,7 +257,7 @@ REACHED: list[tuple[str, Any, dict, Callable[[Training], Any], Any]] = [
     ("learning_rate", 0.07, {"algorithm": "vpg"}, lambda run: _rule(run, "learning_rate"), 0.07),
     ("learning_rate", 0.07, {"algorithm": "ppo"}, lambda run: _rule(run, "learning_rate"), 0.07),
     ("discount", 0.9, {}, lambda run: run.learner.discount, 0.9),
-    ("trace", 0.8, {}, lambda run: run.learner.trace, 0.8),
+    ("gae_lambda", 0.8, {}, lambda run: run.learner.gae_lambda, 0.8),
     ("bootstrap", True, {}, lambda run: run.learner.bootstrap, True),
     ("baseline", "network", {}, _baseline_of, ("ValueNetwork", "lambda")),
     ("cg_iterations", 3, {}, lambda run: _rule(run, "cg_iterations"), 3),
@@ -289,7 +289,7 @@ REACHED: list[tuple[str, Any, dict, Callable[[Training], Any], Any]] = [
     ("initial_log_std", -0.5, {}, lambda run: run.policy.log_std.tolist(), [-0.5] * 3),
     ("initialisation", "orthogonal", {"architecture": "ffwd"}, _gram, True),
     ("head_scale", 0.0, {}, _head, 0.0),
-    ("worlds", 3, {}, lambda run: run.task.n_worlds, 3),
+    ("num_envs", 3, {}, lambda run: run.task.num_envs, 3),
     ("precision", "float64", {}, lambda run: run.policy.dtype, torch.float64),
     ("threads", 2, {}, lambda run: run.task.threads, 2),
 ]
@@ -331,7 +331,7 @@ def test_the_number_type_is_that_of_a_neural_baseline_too() -> None:
 def test_what_a_sweep_sets_for_all_is_left_out_where_it_is_idle(
     architecture: str, option: dict
 ) -> None:
-    config = TrainConfig(architecture=architecture, worlds=1)
+    config = TrainConfig(architecture=architecture, num_envs=1)
     asked = dataclasses.replace(config, **option)
     assert list(settings.idle_settings(asked)) == list(option)
     one, two = (make_run_policy(c) for c in (config, asked))
@@ -339,14 +339,14 @@ def test_what_a_sweep_sets_for_all_is_left_out_where_it_is_idle(
 
 
 def test_worlds_for_a_batch() -> None:
-    assert make_batch_task(TrainConfig()).n_worlds == 100
-    assert make_batch_task(TrainConfig(batch_steps=10_000)).n_worlds == 20
-    assert make_batch_task(TrainConfig(batch_steps=100)).n_worlds == 1
+    assert make_batch_task(TrainConfig()).num_envs == 100
+    assert make_batch_task(TrainConfig(batch_steps=10_000)).num_envs == 20
+    assert make_batch_task(TrainConfig(batch_steps=100)).num_envs == 1
 
 
 @pytest.mark.parametrize("reading", ["text", "literal", "code"])
 def test_a_subset_of_sensors_is_for_two_robots(reading: str) -> None:
-    config = TrainConfig(task="HalfCheetah", features=reading, worlds=1)
+    config = TrainConfig(task="HalfCheetah", features=reading, num_envs=1)
     assert _net(Training(config), "feature_size") == 20
 
 
@@ -634,7 +634,7 @@ def test_another_version(tmp_path: Path) -> None:
         ({"delta_kl": -0.1}, r"delta_kl is -0\.1"),
         ({"iterations": 0}, "iterations is 0"),
         ({"batch_steps": 0}, "batch_steps is 0"),
-        ({"worlds": 0}, "worlds is 0"),
+        ({"num_envs": 0}, "num_envs is 0"),
         ({"seed": -1}, "seed is -1"),
         ({"precision": "float16"}, "choose one of float32, float64"),
         ({"features": "some"}, "choose one of thesis, text, literal"),

@@ -202,16 +202,16 @@ def test_equal_curves_differ_by_nothing() -> None:
 def test_variants_are_compared_with_the_default() -> None:
     runs = {}
     for seed, noise in enumerate((0.0, 0.3, -0.2)):
-        for variant, mean in (("default", 5.0), ("trace=0.9", 7.0), ("damping=0.1", 5.1)):
+        for variant, mean in (("default", 5.0), ("gae_lambda=0.9", 7.0), ("damping=0.1", 5.1)):
             own = noise * len(variant)  # differs between variants
             runs[(seed, "float32", variant)] = [mean + own, mean + own]
     table = compared(made_up(runs), "variant")
-    assert table.changed.tolist() == ["trace=0.9", "damping=0.1"]
+    assert table.changed.tolist() == ["gae_lambda=0.9", "damping=0.1"]
     assert set(table.reference) == {"default"}
     plain, adjusted = table.p_difference, table.p_holm
     assert adjusted.min() == pytest.approx(min(1, 2 * plain.min()))
     assert (adjusted >= plain).all()
-    gaps = [7 - 5 + noise * (len("trace=0.9") - len("default")) for noise in (0.0, 0.3, -0.2)]
+    gaps = [7 - 5 + noise * (len("gae_lambda=0.9") - len("default")) for noise in (0.0, 0.3, -0.2)]
     assert table.difference[0] == pytest.approx(np.mean(gaps))
 
 
@@ -233,10 +233,10 @@ def test_variants_of_a_grid() -> None:
     assert runs[3].integrator == "euler"
     # settings of all runs are told too, where they have an effect
     (gru, ctrnn) = Grid(("hopper",), architectures=("gru", "ctrnn")).runs(
-        TrainConfig(time_constant=0.2, trace=0.5)
+        TrainConfig(time_constant=0.2, gae_lambda=0.5)
     )
-    assert key(gru)["variant"] == "trace=0.5"
-    assert key(ctrnn)["variant"] == "trace=0.5, time_constant=0.2"
+    assert key(gru)["variant"] == "gae_lambda=0.5"
+    assert key(ctrnn)["variant"] == "gae_lambda=0.5, time_constant=0.2"
 
 
 def test_a_variant_that_is_the_default_is_no_other_run() -> None:

@@ -56,6 +56,19 @@ def test_the_command_tests_one_of_them(swept: Path, capsys: pytest.CaptureFixtur
     assert f"{np.mean(expected['return']):.5g}" in capsys.readouterr().out
 
 
+def test_settings_by_their_former_names(swept: Path, tmp_path: Path) -> None:
+    """A file from before lambda and the number of worlds had the field's names."""
+    content = torch.load(swept / "policies.pt", weights_only=True)
+    for kept in content["policies"].values():
+        kept["config"]["trace"] = 0.9
+        kept["config"]["worlds"] = 3
+        del kept["config"]["gae_lambda"], kept["config"]["num_envs"]
+    torch.save(content, tmp_path / "policies.pt")
+    found = TrainedPolicies(tmp_path / "policies.pt")
+    config = found.load(found.names[0]).config
+    assert (config.gae_lambda, config.num_envs) == (0.9, 3)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -132,7 +132,7 @@ def measured(table: pd.DataFrame, net: str, changed: str) -> str:
 def smaller_lambda(table: pd.DataFrame) -> str:
     """What advantages with a lambda below 1 change."""
     known = "A lambda below 1 trades variance for the bias of a linear baseline."
-    return f"{known} {measured(table, 'dtrnn', 'trace=0.97')}"
+    return f"{known} {measured(table, 'dtrnn', 'gae_lambda=0.97')}"
 
 
 @effect_of("2.3.4-bootstrap", changes)

@@ -72,9 +72,9 @@ def run_episodes(
     """
     batch.reset()
     start = batch.qpos[:, :2]
-    running = np.ones(batch.n_worlds, dtype=bool)
+    running = np.ones(batch.num_envs, dtype=bool)
     parts: dict[str, FloatArray] = {}
-    off_map = np.zeros(batch.n_worlds, dtype=bool)
+    off_map = np.zeros(batch.num_envs, dtype=bool)
     for t in range(steps):
         step = batch.step(controller(t))
         for name, values in step.info.components.items():

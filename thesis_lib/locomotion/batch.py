@@ -69,7 +69,7 @@ class Attachment:
     ----------
     task
         The task.
-    n_worlds
+    num_envs
         Number of worlds n.
     sensors
         Names of the observation columns it will be given.
@@ -81,7 +81,7 @@ class Attachment:
     """
 
     task: Task
-    n_worlds: int
+    num_envs: int
     sensors: tuple[str, ...]
     generators: tuple[np.random.Generator, ...]
     model: mujoco.MjModel
@@ -131,7 +131,7 @@ class Perturbation:
         """Change the model, for instance masses or friction."""
 
     def ground(
-        self, robot: str, n_worlds: int, seed: np.random.SeedSequence
+        self, robot: str, num_envs: int, seed: np.random.SeedSequence
     ) -> Sequence[Ground] | None:
         """Offer a terrain for each world, or None to leave the ground alone."""
         return None
@@ -248,7 +248,7 @@ class BatchTask:
     ----------
     task
         A task, or the name of a robot for :func:`~thesis_lib.locomotion.tasks.make_task`.
-    n_worlds
+    num_envs
         Number of worlds n, at least 1.
     threads
         C++ threads that share the worlds; 0 takes all processors.  Results do not
@@ -256,7 +256,7 @@ class BatchTask:
     seed
         A whole number or seed sequence from which every world gets its own random
         streams, or one number per world.  World i of ``seed=[s0, s1, ...]`` is the only
-        world of a batch with ``n_worlds=1, seed=si``.
+        world of a batch with ``num_envs=1, seed=si``.
     terrain
         A ground for all worlds, one for each of them, or None for the flat floor.
     perturbations
@@ -282,7 +282,7 @@ class BatchTask:
     def __init__(
         self,
         task: Task | str,
-        n_worlds: int,
+        num_envs: int,
         *,
         threads: int = 1,
         seed: Seed = 0,
@@ -293,21 +293,21 @@ class BatchTask:
         bad_actions: Literal["raise", "end"] = "raise",
     ) -> None:
         self.task = make_task(task) if isinstance(task, str) else task
-        _check_count("n_worlds", n_worlds, least=1)
+        _check_count("num_envs", num_envs, least=1)
         _check_count("threads", threads, least=0)
         if max_episode_steps is not None:
             _check_count("max_episode_steps", max_episode_steps, least=1)
         if bad_actions not in ("raise", "end"):
             raise ValueError(f"bad_actions is {bad_actions!r}, but must be 'raise' or 'end'.")
-        self.n_worlds = int(n_worlds)
+        self.num_envs = int(num_envs)
         self.perturbations = tuple(perturbations)
         self.max_episode_steps = max_episode_steps
         self.autoreset = autoreset
         self._raise_bad_actions = bad_actions == "raise"
-        self._seeds = _world_seeds(seed, self.n_worlds)
-        self._all = np.arange(self.n_worlds)
+        self._seeds = _world_seeds(seed, self.num_envs)
+        self._all = np.arange(self.num_envs)
         self._build_models(self._choose_grounds(terrain))
-        self._phase = np.zeros(self.n_worlds, dtype=np.int64)
+        self._phase = np.zeros(self.num_envs, dtype=np.int64)
         self._open(threads)
         self.reseed(seed)
 
@@ -323,9 +323,9 @@ class BatchTask:
         self._stage = int(mujoco.mjtStage.mjSTAGE_ACC if forces else mujoco.mjtStage.mjSTAGE_VEL)
         self._batch = mujoco.batch.Batch(
             self._models[0][0],
-            self.n_worlds,
+            self.num_envs,
             threads,
-            persistent=not forces and self.n_worlds <= PERSISTENT_WORLDS,
+            persistent=not forces and self.num_envs <= PERSISTENT_WORLDS,
         )
         self._set_models()
         self._bind()
@@ -353,7 +353,7 @@ class BatchTask:
         offers = [] if terrain is None else [terrain]
         seed = _child(self._seeds[0], 1)
         for perturbation in self.perturbations:
-            offer = perturbation.ground(self.task.robot.name, self.n_worlds, seed)
+            offer = perturbation.ground(self.task.robot.name, self.num_envs, seed)
             if offer is not None:
                 offers.append(offer)
         if len(offers) > 1:
@@ -362,12 +362,12 @@ class BatchTask:
                 "perturbation that brings its own."
             )
         if not offers:
-            return [None] * self.n_worlds
+            return [None] * self.num_envs
         if not isinstance(offers[0], Sequence):
-            return [offers[0]] * self.n_worlds
-        if len(offers[0]) != self.n_worlds:
+            return [offers[0]] * self.num_envs
+        if len(offers[0]) != self.num_envs:
             raise ValueError(
-                f"There are {len(offers[0])} terrains for {self.n_worlds} worlds; give one "
+                f"There are {len(offers[0])} terrains for {self.num_envs} worlds; give one "
                 "terrain, or one for each world."
             )
         return list(offers[0])
@@ -407,7 +407,7 @@ class BatchTask:
 
     def _bind(self) -> None:
         """Bind live views of what observation, reward and control need."""
-        batch, model, n = self._batch, self.model, self.n_worlds
+        batch, model, n = self._batch, self.model, self.num_envs
         sensor = model.sensor(COM_VELOCITY)
         start, root = int(sensor.adr[0]), model.body(ROOT_BODY).id
         used = self.task.fields_used
@@ -449,16 +449,16 @@ class BatchTask:
         ValueError
             If the seed is no whole number, or there is not one for each world.
         """
-        self._seeds = _world_seeds(seed, self.n_worlds)
+        self._seeds = _world_seeds(seed, self.num_envs)
         self._generators = [np.random.default_rng(_child(s, 0)) for s in self._seeds]
         # noise of the next few resets of each world, drawn when it runs out
-        self._noise = np.empty((self.n_worlds, _RESETS_DRAWN, len(self._noise_scale)))
-        self._noise_used = np.full(self.n_worlds, _RESETS_DRAWN)
+        self._noise = np.empty((self.num_envs, _RESETS_DRAWN, len(self._noise_scale)))
+        self._noise_used = np.full(self.num_envs, _RESETS_DRAWN)
         names = self.task.sensor_names
         self._effects: list[Effect] = []
         for k, perturbation in enumerate(self.perturbations):
             streams = tuple(np.random.default_rng(_child(s, 2, k)) for s in self._seeds)
-            context = Attachment(self.task, self.n_worlds, names, streams, self.model)
+            context = Attachment(self.task, self.num_envs, names, streams, self.model)
             effect = perturbation.attach(context)
             if effect is not None:
                 self._effects.append(effect)
@@ -467,7 +467,7 @@ class BatchTask:
         self._acting = self._hooked("on_action")
         self._pushing = self._hooked("on_force")
         self._sensing = self._hooked("on_observation")
-        n = self.n_worlds
+        n = self.num_envs
         self._true = np.zeros((n, self.task.observation_size))
         self._seen = np.zeros((n, self.observation_size))
         self.steps = np.zeros(n, dtype=np.int64)
@@ -582,7 +582,7 @@ class BatchTask:
             If there is no such world.
         """
         ids = self._all if worlds is None else self._check_worlds(worlds)
-        if not self._started and len(ids) < self.n_worlds:
+        if not self._started and len(ids) < self.num_envs:
             raise ValueError("No episode has begun; call reset() for all worlds first.")
         self._reset(ids)
         return self._seen[ids]
@@ -658,7 +658,7 @@ class BatchTask:
         wanted, calm = self._check_actions(actions)
         action = np.minimum(wanted, 1.0)
         np.maximum(action, -1.0, out=action)
-        ids, diverged = self._running, np.zeros(self.n_worlds, dtype=bool)
+        ids, diverged = self._running, np.zeros(self.num_envs, dtype=bool)
         if not calm:
             diverged |= ~(np.abs(wanted) <= ACTION_LIMIT).all(axis=1)
             diverged[self._terminated | self._truncated] = False
@@ -716,7 +716,7 @@ class BatchTask:
 
     def _outcome(self, action: FloatArray, diverged: BoolArray) -> Step:
         """Observe, reward and end episodes once the physics has moved."""
-        fields, n = self._fields, self.n_worlds
+        fields, n = self._fields, self.num_envs
         with np.errstate(invalid="ignore", over="ignore"):  # of worlds that diverged
             parts = self.task.reward(fields, action)
             terminated = self.task.terminated(fields)
@@ -791,7 +791,7 @@ class BatchTask:
         self._flag(terminated, truncated)
         for effect in self._effects:
             effect.on_reset(ids)
-        self._started |= len(ids) == self.n_worlds
+        self._started |= len(ids) == self.num_envs
         self._observe(ids)
 
     def _draw(self, ids: IntArray) -> FloatArray:
@@ -805,7 +805,7 @@ class BatchTask:
 
     def _observe(self, ids: IntArray) -> None:
         """Refresh what is observed in these worlds, in new arrays."""
-        everyone = len(ids) == self.n_worlds
+        everyone = len(ids) == self.num_envs
         true = self.task.observe(self._fields)
         if not everyone:
             true = true[ids]
@@ -831,10 +831,10 @@ class BatchTask:
         if not self._started:
             raise ValueError("No episode has begun; call reset() before the first step.")
         wanted = np.asarray(actions, dtype=np.float64)
-        if wanted.shape != (self.n_worlds, self.action_size):
+        if wanted.shape != (self.num_envs, self.action_size):
             raise ValueError(
-                f"The actions have shape {wanted.shape}, but {self.n_worlds} worlds of "
-                f"{self.task.robot.name} need shape ({self.n_worlds}, {self.action_size})."
+                f"The actions have shape {wanted.shape}, but {self.num_envs} worlds of "
+                f"{self.task.robot.name} need shape ({self.num_envs}, {self.action_size})."
             )
         # NaN fails the comparison
         calm = bool(wanted.max() <= ACTION_LIMIT and wanted.min() >= -ACTION_LIMIT)
@@ -853,19 +853,19 @@ class BatchTask:
         given = np.asarray(worlds)
         if given.size == 0:
             return np.zeros(0, dtype=np.int64)
-        if given.dtype == bool and given.shape == (self.n_worlds,):
+        if given.dtype == bool and given.shape == (self.num_envs,):
             return np.flatnonzero(given)
         ids = np.sort(np.atleast_1d(given))
         if (
             ids.ndim != 1
             or not np.issubdtype(ids.dtype, np.integer)
             or ids[0] < 0
-            or ids[-1] >= self.n_worlds
+            or ids[-1] >= self.num_envs
             or (np.diff(ids) == 0).any()
         ):
             raise ValueError(
-                f"worlds is {worlds!r}, but must be distinct ids from 0 to {self.n_worlds - 1} "
-                f"or a boolean mask of shape ({self.n_worlds},)."
+                f"worlds is {worlds!r}, but must be distinct ids from 0 to {self.num_envs - 1} "
+                f"or a boolean mask of shape ({self.num_envs},)."
             )
         return ids.astype(np.int64)
 

@@ -233,7 +233,7 @@ class LocomotionVectorEnv(VectorEnv[Any, Any, Any]):
             max_episode_steps=max_episode_steps,
             autoreset=self._mode is AutoresetMode.SAME_STEP,
         )
-        self.num_envs = self.batch.n_worlds
+        self.num_envs = self.batch.num_envs
         self.single_observation_space, self.single_action_space = _spaces(self.batch)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)

@@ -77,7 +77,7 @@ class TaskOptions:
             alive_bonus=self.alive_bonus,
         )
 
-    def grounds(self, n_maps: int, n_worlds: int) -> Ground | list[Ground] | None:
+    def grounds(self, n_maps: int, num_envs: int) -> Ground | list[Ground] | None:
         """Draw the maps, or take those given: worlds take turns on ``n_maps`` maps."""
         if self.difficulty is None:
             if self.switch_at is not None:
@@ -97,7 +97,7 @@ class TaskOptions:
             resolution=self.resolution,
             switch_at=self.switch_at,
         )
-        return [maps[i % n_maps] for i in range(n_worlds)]
+        return [maps[i % n_maps] for i in range(num_envs)]
 
     def all_perturbations(self) -> list[Perturbation]:
         """Sensor subset first, then noise on what is left, then the further ones."""
@@ -111,13 +111,13 @@ class TaskOptions:
             chosen.append(WhiteNoise(self.noise, self.noise_from))
         return [*chosen, *self.perturbations]
 
-    def batch(self, n_worlds: int, *, n_maps: int = 1, **options: Any) -> BatchTask:
+    def batch(self, num_envs: int, *, n_maps: int = 1, **options: Any) -> BatchTask:
         """Build the batch of worlds."""
         task = self.task()  # first, so that an unknown robot is named before its terrain
         return BatchTask(
             task,
-            n_worlds,
-            terrain=self.grounds(n_maps, n_worlds),
+            num_envs,
+            terrain=self.grounds(n_maps, num_envs),
             perturbations=self.all_perturbations(),
             bad_actions=self.bad_actions,
             **options,

@@ -166,9 +166,9 @@ class _NoiseEffect(Effect):
         self._onset, self._sigma, self._decay = onset, sigma, decay
         self._generators = context.generators
         # A world draws for many steps at once, and only when it has used up what it drew.
-        self._drawn = np.empty((context.n_worlds, _BLOCK, len(context.sensors)))
-        self._used = np.full(context.n_worlds, _BLOCK)
-        self._noise = np.zeros((context.n_worlds, len(context.sensors)))
+        self._drawn = np.empty((context.num_envs, _BLOCK, len(context.sensors)))
+        self._used = np.full(context.num_envs, _BLOCK)
+        self._noise = np.zeros((context.num_envs, len(context.sensors)))
 
     def on_observation(self, t: IntArray, observations: FloatArray, worlds: IntArray) -> FloatArray:
         noisy = t >= self._onset
@@ -318,11 +318,11 @@ class TerrainSwitch(Perturbation):
     def __post_init__(self) -> None:
         _settle(self)
 
-    def ground(self, robot: str, n_worlds: int, seed: np.random.SeedSequence) -> tuple[Ground, ...]:
+    def ground(self, robot: str, num_envs: int, seed: np.random.SeedSequence) -> tuple[Ground, ...]:
         """One map for each world; the batch's own seed is not used."""
         options = dataclasses.asdict(self)
         difficulty, maps = options.pop("difficulty"), options.pop("seed")
-        return hill_maps(n_worlds, difficulty, maps, robot=robot, **options)
+        return hill_maps(num_envs, difficulty, maps, robot=robot, **options)
 
 
 # --------------------------------------------------------------------------------- actuators
@@ -399,7 +399,7 @@ class _ActionDelayEffect(Effect):
     def __init__(self, delay: ActionDelay, context: Attachment) -> None:
         self._onset = delay.onset
         self._length = delay.steps + 1
-        shape = (context.n_worlds, self._length, context.task.action_size)
+        shape = (context.num_envs, self._length, context.task.action_size)
         self._asked = np.zeros(shape)
 
     def on_reset(self, worlds: IntArray) -> None:

@@ -25,7 +25,7 @@ class GymnasiumTask:
     ----------
     env
         The id of an environment, or a function that makes one.
-    n_worlds
+    num_envs
         Number of worlds n.
     seed
         Source of the worlds' random numbers.
@@ -59,15 +59,15 @@ class GymnasiumTask:
     def __init__(
         self,
         env: str | Callable[[], gymnasium.Env[Any, Any]],
-        n_worlds: int,
+        num_envs: int,
         *,
         seed: int | np.random.SeedSequence = 0,
         processes: bool = False,
         dt: float | None = None,
         **options: Any,
     ) -> None:
-        if n_worlds < 1:
-            raise ValueError(f"n_worlds is {n_worlds}, but it must be at least 1.")
+        if num_envs < 1:
+            raise ValueError(f"num_envs is {num_envs}, but it must be at least 1.")
         if options and not isinstance(env, str):
             raise ValueError(
                 f"{', '.join(options)} is given beside a function that makes an environment; let "
@@ -88,13 +88,13 @@ class GymnasiumTask:
         assert isinstance(seen, Box)
         self._dt = dt or (float(said) if said else 1.0 / rate if rate else None)
         self.max_episode_steps = None if spec is None else spec.max_episode_steps
-        self.n_worlds = n_worlds
+        self.num_envs = num_envs
         self.observation_size, self.action_size = seen.shape[0], int(np.prod(space.shape))
         self._space = space
         kind: Callable[..., VectorEnv[Any, Any, Any]] = (
             AsyncVectorEnv if processes else SyncVectorEnv
         )
-        self.envs = kind([make] * n_worlds, autoreset_mode=AutoresetMode.NEXT_STEP)
+        self.envs = kind([make] * num_envs, autoreset_mode=AutoresetMode.NEXT_STEP)
         self.reseed(seed)
 
     @property
@@ -109,10 +109,10 @@ class GymnasiumTask:
     def reseed(self, seed: int | np.random.SeedSequence) -> None:
         """Give every world the random numbers of another seed; call :meth:`reset` next."""
         parent = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
-        self._seeds: list[int] | None = [int(s) for s in parent.generate_state(self.n_worlds)]
-        self._seen = np.zeros((self.n_worlds, self.observation_size))
-        self._terminated = np.zeros(self.n_worlds, dtype=bool)
-        self._truncated = np.zeros(self.n_worlds, dtype=bool)
+        self._seeds: list[int] | None = [int(s) for s in parent.generate_state(self.num_envs)]
+        self._seen = np.zeros((self.num_envs, self.observation_size))
+        self._terminated = np.zeros(self.num_envs, dtype=bool)
+        self._truncated = np.zeros(self.num_envs, dtype=bool)
 
     def reset(self, worlds: ArrayLike | None = None) -> FloatArray:
         """Start new episodes in k worlds (default all).
@@ -127,8 +127,8 @@ class GymnasiumTask:
         FloatArray
             What the policy sees there, shape ``(k, D)``.
         """
-        ids = np.arange(self.n_worlds) if worlds is None else np.asarray(worlds)
-        mask = np.zeros(self.n_worlds, dtype=bool)
+        ids = np.arange(self.num_envs) if worlds is None else np.asarray(worlds)
+        mask = np.zeros(self.num_envs, dtype=bool)
         mask[ids] = True
         if mask.all():
             seen, _ = self.envs.reset(seed=self._seeds)  # type: ignore[arg-type]
@@ -141,7 +141,7 @@ class GymnasiumTask:
 
     def step(self, actions: ArrayLike) -> Step:
         """Act in every world, shape ``(n, A)``; worlds that have ended stand still."""
-        action = np.asarray(actions, dtype=np.float64).reshape(self.n_worlds, *self._space.shape)
+        action = np.asarray(actions, dtype=np.float64).reshape(self.num_envs, *self._space.shape)
         if self._space.is_bounded("both"):
             low, high = self._space.low.astype(float), self._space.high.astype(float)
             action = low + (np.clip(action, -1.0, 1.0) + 1.0) / 2.0 * (high - low)

@@ -32,7 +32,7 @@ class Learner:
         :class:`~thesis_lib.optimisation.TRPO` or :class:`~thesis_lib.optimisation.PPO`.
     discount
         :math:`\gamma`.
-    trace
+    gae_lambda
         :math:`\lambda` of the advantage estimate; 1 is equation 2.12.
     standardise
         Whether advantages are shifted and scaled to mean 0 and deviation 1.
@@ -48,13 +48,13 @@ class Learner:
     Raises
     ------
     ValueError
-        When the discount or the trace is not in [0, 1], or there are no such targets.
+        When the discount or lambda is not in [0, 1], or there are no such targets.
     """
 
     policy: GaussianPolicy
     algorithm: Algorithm
     discount: float = 0.99
-    trace: float = 1.0
+    gae_lambda: float = 1.0
     standardise: bool = True
     bootstrap: bool = False
     baseline: Baseline = field(default_factory=LinearBaseline)
@@ -62,7 +62,7 @@ class Learner:
 
     def __post_init__(self) -> None:
         check_fraction("discount", self.discount)
-        check_fraction("trace", self.trace)
+        check_fraction("gae_lambda", self.gae_lambda)
         if self.targets not in TARGETS:
             raise ValueError(
                 f"targets {self.targets!r} do not exist: choose one of {', '.join(TARGETS)}."
@@ -89,7 +89,9 @@ class Learner:
         if self.bootstrap:
             final = self.policy.select(rollouts.final_observations)
             last = self.baseline.predict(final, packing.lengths) * ~rollouts.terminated
-        estimate = advantages(rollouts.rewards, values, packing, self.discount, self.trace, last)
+        estimate = advantages(
+            rollouts.rewards, values, packing, self.discount, self.gae_lambda, last
+        )
         # line 7: fit b to R_t
         target = returns if self.targets == "returns" else values + estimate
         self.baseline.fit(seen, packing.time, target)

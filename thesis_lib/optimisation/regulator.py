@@ -28,7 +28,7 @@ class LinearQuadraticTask:
 
     Parameters
     ----------
-    n_worlds
+    num_envs
         Number of worlds n.
     A, B
         Dynamics, shapes ``(D, D)`` and ``(D, U)``; default 0.9 and 0.5, scalars.
@@ -51,7 +51,7 @@ class LinearQuadraticTask:
 
     def __init__(
         self,
-        n_worlds: int,
+        num_envs: int,
         *,
         A: ArrayLike = 0.9,
         B: ArrayLike = 0.5,
@@ -62,9 +62,9 @@ class LinearQuadraticTask:
         horizon: int = 20,
         seed: int | np.random.SeedSequence = 0,
     ) -> None:
-        if n_worlds < 1 or horizon < 1:
+        if num_envs < 1 or horizon < 1:
             raise ValueError(
-                f"n_worlds is {n_worlds} and horizon is {horizon}, but both must be at least 1."
+                f"num_envs is {num_envs} and horizon is {horizon}, but both must be at least 1."
             )
         self.A, self.B, self.Q, self.R = (
             np.atleast_2d(np.asarray(m, dtype=np.float64)) for m in (A, B, Q, R)
@@ -80,19 +80,19 @@ class LinearQuadraticTask:
                     f"{name} has shape {matrix.shape}, but {shape} is needed to agree with B of "
                     f"shape {self.B.shape}."
                 )
-        self.n_worlds, self.observation_size, self.action_size = n_worlds, d, u
+        self.num_envs, self.observation_size, self.action_size = num_envs, d, u
         self.noise, self.spread, self.max_episode_steps = noise, spread, horizon
         self.reseed(seed)
 
     def reseed(self, seed: int | np.random.SeedSequence) -> None:
         """Start the random stream of another seed; call :meth:`reset` next."""
         self._generator = np.random.default_rng(seed)
-        self._state = np.zeros((self.n_worlds, self.observation_size))
-        self._time = np.full(self.n_worlds, self.max_episode_steps)
+        self._state = np.zeros((self.num_envs, self.observation_size))
+        self._time = np.full(self.num_envs, self.max_episode_steps)
 
     def reset(self, worlds: Any = None) -> FloatArray:
         """Draw new first states; they are what the policy sees, shape ``(k, D)``."""
-        ids = np.arange(self.n_worlds) if worlds is None else np.asarray(worlds)
+        ids = np.arange(self.num_envs) if worlds is None else np.asarray(worlds)
         first = self.spread * self._generator.standard_normal((len(ids), self.observation_size))
         self._state[ids] = first
         self._time[ids] = 0
@@ -109,7 +109,7 @@ class LinearQuadraticTask:
         return Step(
             observation=self._state.copy(),
             reward=np.where(running, reward, 0.0),
-            terminated=np.zeros(self.n_worlds, dtype=bool),
+            terminated=np.zeros(self.num_envs, dtype=bool),
             truncated=self._time >= self.max_episode_steps,
         )
 

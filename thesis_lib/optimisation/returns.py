@@ -44,7 +44,7 @@ def advantages(
     values: FloatArray,
     packing: Packing,
     discount: float,
-    trace: float = 1.0,
+    gae_lambda: float = 1.0,
     last_values: FloatArray | None = None,
 ) -> FloatArray:
     r"""Advantage estimate of every step.
@@ -65,7 +65,7 @@ def advantages(
         Layout of the rows.
     discount
         :math:`\gamma` in [0, 1].
-    trace
+    gae_lambda
         :math:`\lambda` in [0, 1].
     last_values
         Value of the state each episode ended in, shape ``(B,)`` in the order in which
@@ -83,13 +83,16 @@ def advantages(
     advantage estimation.
     """
     rewards, values = _checked(rewards, packing), _checked(values, packing)
-    discount, trace = check_fraction("discount", discount), check_fraction("trace", trace)
+    discount, gae_lambda = (
+        check_fraction("discount", discount),
+        check_fraction("gae_lambda", gae_lambda),
+    )
     following = np.zeros_like(values)
     following[packing.previous] = values[packing.n_episodes :]
     if last_values is not None:
         following[packing.last] = last_values
     error = rewards + discount * following - values
-    return _discounted_sums(error, packing, discount * trace)
+    return _discounted_sums(error, packing, discount * gae_lambda)
 
 
 def standardised(values: FloatArray) -> FloatArray:

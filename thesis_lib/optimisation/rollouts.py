@@ -189,7 +189,7 @@ def run_episodes(
             watch(recorder.running.copy())
         recorder.step()
     recorder.cut()
-    return recorder.rollouts(task.n_worlds)
+    return recorder.rollouts(task.num_envs)
 
 
 class _Recorder:
@@ -201,7 +201,7 @@ class _Recorder:
         if isinstance(task, gymnasium.Env | gymnasium.vector.VectorEnv):
             raise ValueError(
                 f"a task in many worlds is needed, but {task} was given; pass "
-                "GymnasiumTask(id_or_function, n_worlds)."
+                "GymnasiumTask(id_or_function, num_envs)."
             )
         for name in ("observation_size", "action_size"):
             ours, theirs = getattr(policy, name), getattr(task, name)
@@ -209,7 +209,7 @@ class _Recorder:
                 raise ValueError(
                     f"the task's {name} is {theirs}, but the policy was made for {ours}."
                 )
-        n = task.n_worlds
+        n = task.num_envs
         self.task, self.policy, self.generator = task, policy, generator
         self.n_passes = 0
         self.running = np.ones(n, dtype=bool)

@@ -52,7 +52,7 @@ class VectorTask(Protocol):
     """
 
     @property
-    def n_worlds(self) -> int:
+    def num_envs(self) -> int:
         """Number of worlds n."""
         ...
 

@@ -80,6 +80,8 @@ _NEEDS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "maps": ("terrain", ("hill",)),
 }
 SEED_KEYS = {"task": 0, "noise": 1, "terrain": 2}
+FORMERLY = {"trace": "gae_lambda", "worlds": "num_envs"}
+"""How runs that earlier versions saved call a setting, and its present name."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +113,7 @@ class TrainConfig:
     """Of vpg and ppo; default 0.01 and 0.0003."""
     discount: float = 0.99
     """gamma (Duan et al.)."""
-    trace: float = 1.0
+    gae_lambda: float = 1.0
     """lambda of the advantage estimate; 1 is equation 2.12."""
     bootstrap: bool = False
     """Credit episodes cut at the horizon with the baseline; the author does not."""
@@ -168,7 +170,7 @@ class TrainConfig:
     head_scale: float | None = None
     """What the initial weights of the output layer are multiplied with; default HEAD_SCALE, where
     it has no entry 1."""
-    worlds: int | None = None
+    num_envs: int | None = None
     """Worlds simulated side by side; default one for each episode of a full batch."""
     precision: str = "float32"
     """float32 or float64 networks, a neural baseline among them; physics, returns and the linear
@@ -203,8 +205,8 @@ class TrainConfig:
             value = getattr(self, name)
             if value < 1:
                 raise ValueError(f"{name} is {value}, but it must be at least 1.")
-        if self.worlds is not None and self.worlds < 1:
-            raise ValueError(f"worlds is {self.worlds}, but at least 1 world is needed.")
+        if self.num_envs is not None and self.num_envs < 1:
+            raise ValueError(f"num_envs is {self.num_envs}, but it must be at least 1.")
         for name in ("delta_kl", "learning_rate"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
@@ -320,6 +322,11 @@ def settled(config: TrainConfig) -> dict[str, float]:
     return {"delta_kl": step_size(config), "head_scale": head_scale(config)}
 
 
+def renamed(saved: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of a saved run by their present names."""
+    return {FORMERLY.get(name, name): value for name, value in saved.items()}
+
+
 def differences(saved: Mapping[str, Any], config: TrainConfig) -> dict[str, tuple[object, object]]:
     """Settings in which a saved run is not the one asked for: what it has, and what is wanted.
 
@@ -333,7 +340,7 @@ def differences(saved: Mapping[str, Any], config: TrainConfig) -> dict[str, tupl
     config
         The run that is asked for.
     """
-    have = dataclasses.asdict(TrainConfig()) | dict(saved["config"])
+    have = dataclasses.asdict(TrainConfig()) | renamed(saved["config"])
     want = dataclasses.asdict(config)
     # A default may be another number in another version of this library.
     for name, value in settled(config).items():

@@ -16,7 +16,7 @@ from thesis_lib.training.config import TASK_NAMES, TrainConfig, idle_settings, s
 GRID = ("task", "terrain", "architecture", "seed", "precision")
 """Settings a sweep has a list of."""
 
-BUDGET = ("iterations", "batch_steps", "horizon", "worlds", "threads", "checkpoint_every")
+BUDGET = ("iterations", "batch_steps", "horizon", "num_envs", "threads", "checkpoint_every")
 """Settings all runs of a sweep share."""
 
 DEFAULT = "default"
@@ -48,7 +48,7 @@ class Grid:
     precisions: tuple[str, ...] = ("float32",)
     """float32, float64."""
     variants: tuple[str, ...] = ()
-    """Settings to try besides the default, such as "bootstrap=True" or "trace=0.97,damping=0.1";
+    """Settings to try besides the default, such as "bootstrap=True" or "delta_kl=0.1,damping=0.1";
     nets on which they have no effect, or that have them by default, are left out."""
 
     def __post_init__(self) -> None:
@@ -89,7 +89,7 @@ class Grid:
 
 
 def parse_variant(text: str) -> dict[str, Any]:
-    """Read settings from text such as ``"trace=0.97,damping=0.1"``.
+    """Read settings from text such as ``"gae_lambda=0.97,damping=0.1"``.
 
     Raises
     ------

@@ -42,21 +42,21 @@ def make_run_task(config: TrainConfig) -> Task:
 
 def make_batch_task(config: TrainConfig) -> BatchTask | GymnasiumTask:
     """The task of a run, in its worlds."""
-    n_worlds = config.worlds
-    if n_worlds is None:
-        n_worlds = max(1, min(100, config.batch_steps // config.horizon))
+    num_envs = config.num_envs
+    if num_envs is None:
+        num_envs = max(1, min(100, config.batch_steps // config.horizon))
     if not is_robot(config.task):
         return GymnasiumTask(
-            config.task, n_worlds, seed=config.seed, max_episode_steps=config.horizon
+            config.task, num_envs, seed=config.seed, max_episode_steps=config.horizon
         )
     terrain = None
     if config.terrain == "hill":
         seed = np.random.SeedSequence(config.seed, spawn_key=(SEED_KEYS["terrain"],))
         maps = hill_maps(config.maps, config.difficulty, seed, robot=config.task)
-        terrain = [maps[i % len(maps)] for i in range(n_worlds)]
+        terrain = [maps[i % len(maps)] for i in range(num_envs)]
     return BatchTask(
         make_run_task(config),
-        n_worlds,
+        num_envs,
         threads=config.threads,
         seed=config.seed,
         terrain=terrain,

@@ -94,7 +94,7 @@ class Training:
             self.policy,
             make_algorithm(config),
             discount=config.discount,
-            trace=config.trace,
+            gae_lambda=config.gae_lambda,
             bootstrap=config.bootstrap,
             **baseline(config),
         )

@@ -17,7 +17,7 @@ import torch
 
 from thesis_lib.policies import GaussianPolicy
 from thesis_lib.training.checkpoint import foreign, read_checkpoint, write_tensors
-from thesis_lib.training.config import TrainConfig
+from thesis_lib.training.config import TrainConfig, renamed
 from thesis_lib.training.parts import make_run_policy
 
 FORMAT = 1
@@ -94,7 +94,7 @@ def read_trained(path: Path | str) -> Trained:
 def saved_config(content: Mapping[str, Any], path: Path | str) -> TrainConfig:
     """The run a checkpoint is of; ValueError where this version has no such settings."""
     try:
-        return TrainConfig(**content["config"])
+        return TrainConfig(**renamed(content["config"]))
     except (TypeError, ValueError) as error:
         what = f"a setting this version does not have ({str(error).rstrip('.')})"
         raise foreign(path, what) from error
@@ -214,7 +214,7 @@ class TrainedPolicies:
             )
         kept = self._policies[name]
         try:
-            config = TrainConfig(**kept["config"])
+            config = TrainConfig(**renamed(kept["config"]))
             policy = make_run_policy(config)
             policy.set_parameter_vector(kept["parameters"])
             policy.check_finite()
