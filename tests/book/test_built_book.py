@@ -17,6 +17,7 @@ from thesis_lib.book.build import build
 from thesis_lib.book.execution import last_run
 from thesis_lib.book.paths import Paths
 from thesis_lib.book.pdf import chromium as find_chromium
+from thesis_lib.edition.chapters import differences
 
 pytestmark = pytest.mark.timeout(1500)  # the first test builds the book
 
@@ -136,6 +137,16 @@ def test_chapter_can_be_launched(html: Path, name: str) -> None:
 def test_prose_quotes_the_ledger_with_links_to_its_rows(html: Path) -> None:
     links = [str(a["href"]) for a in page(html, "book/intro").select("article a[href]")]
     assert any(link.startswith("scoreboard.html#claim-") for link in links)
+
+
+def test_differences_are_linked_from_the_sections_they_concern(html: Path) -> None:
+    told = {
+        link
+        for name in NOTEBOOKS
+        for a in page(html, f"notebooks/{name}").select("p.differences a[href]")
+        if (link := str(a["href"])).startswith("../book/differences.html#difference-")
+    }
+    assert len(told) == sum(bool(row.at) for row in differences())
 
 
 def test_names_in_prose_lead_to_the_reference(html: Path) -> None:

@@ -51,6 +51,8 @@ def test_a_difference_has_a_row() -> None:
     )
     assert "*The thesis*: It says." in page
     assert "*What it changes*: Little." in page
+    there = replace(row, at="sec-cliff")
+    assert json.loads(ledger.by_place([there])) == {"sec-cliff": {"3-row": "Q* of Q^μ"}}
 
 
 def test_other_pages_quote_verdict_and_evidence() -> None:

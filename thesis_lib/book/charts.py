@@ -189,8 +189,10 @@ def paths() -> alt.Chart:
 
 
 def learning() -> alt.Chart:
-    """Learning curves of nine networks, a robot at a time."""
-    curves = saved("learning/curves").table
+    """Learning curves of nine networks, a robot at a time; of seven on hills, where trained."""
+    hilly = saved("study/breadth/curves").table.query("terrain == 'hill' and variant == 'default'")
+    hilly = hilly.assign(task=hilly.task + " on hills")
+    curves = pd.concat([saved("learning/curves").table, hilly])
     curves = curves[curves.iteration % 4 == 0]
     curves = curves.assign(architecture=curves.architecture.str.upper())
     by = curves.groupby(["task", "architecture", "iteration"], as_index=False)

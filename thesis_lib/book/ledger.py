@@ -42,6 +42,14 @@ def quoted(judged: Iterable[Judgement]) -> str:
     return json.dumps(verdicts, indent=1, ensure_ascii=False) + "\n"
 
 
+def by_place(rows: Iterable[Difference]) -> str:
+    """Topics of the differences by id, by the label of the section they concern, as JSON."""
+    places: dict[str, dict[str, str]] = {}
+    for row in rows:
+        places.setdefault(row.at, {})[row.id] = plain(row.topic)
+    return json.dumps(places, indent=1, ensure_ascii=False) + "\n"
+
+
 def scoreboard_markdown(judged: Sequence[Judgement]) -> str:
     """Body of the page *Scoreboard*: tallies, then one table of claims, as MyST Markdown.
 

@@ -12,6 +12,7 @@ from thesis_lib.book.environments import environments_markdown
 from thesis_lib.book.execution import Run
 from thesis_lib.book.films import film_markdown, films_markdown, listed
 from thesis_lib.book.ledger import (
+    by_place,
     differences_markdown,
     findings_markdown,
     questions,
@@ -47,6 +48,7 @@ def generated(
         "scoreboard.md": scoreboard_markdown(judged),
         "questions.md": questions_markdown(questions(), judged),
         "ledger.json": quoted(judged),
+        "differences.json": by_place(differences()),
         "differences.md": differences_markdown(differences(), results),
         "map.md": items_markdown(read_items(root / ITEMS), judged),
         "films.md": films_markdown(listed(root)),
