@@ -77,7 +77,7 @@ SMOKE = Config(HeatSpace(learner=HeatLearner(episodes=20)), sensors=(0.02,), bat
     "ch4-heat-relevance",
     item="Section 4.3 (heat domain)",
     smoke=SMOKE,
-    book=Config(),
+    book=Config(batches=4, tasks=40),
     thesis=Config(batches=40),
     seconds=15,
     was="section-4.3-heat",

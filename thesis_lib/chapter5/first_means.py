@@ -57,7 +57,7 @@ class Size:
     "ch5-first-means",
     item="Section 5.4",
     smoke=Config(("Hopper",), ("ffwd", "dtrnn", "ctrnn", "esn"), 1, 50),
-    book=Config(),
+    book=Config(seeds=2),
     seconds=10,
     was="section-5.4-first-means",
 )

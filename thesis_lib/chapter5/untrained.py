@@ -144,7 +144,7 @@ class Episode:
     "ch5-untrained",
     item="Section 5.1",
     smoke=Config(n_episodes=3, horizon=40, grounds=("plane", "hills 1.0")),
-    book=Config(),
+    book=Config(n_episodes=20),
     thesis=Config(n_episodes=400),
     seconds=22,
     was="baseline-5.1",
