@@ -160,6 +160,8 @@ def test_pages_tell_the_verdict_over_roots_and_the_one_here():
     row = _rows(here)
     assert "`thesis claims often --seeds 10`" in row
     assert "over roots are of earlier code or runs" in row
+    proof = replace(CLAIMS[0], experiments=())
+    assert "*Made by*: `thesis claims often` (" in _rows(replace(here, claim=proof))
     now = replace(over, code=roots.code_of_claim(CLAIMS[0], "book"))
     assert "earlier code" not in _rows(replace(here, over=now))
 
@@ -174,9 +176,7 @@ def test_the_tally_counts_neither_identities_nor_claims_of_our_own():
     identity = replace(one, claim=replace(CLAIMS[0], kind="identity"))
     ours = replace(one, claim=replace(CLAIMS[0], ours=True))
     told = "\n".join(ledger._tally([one, one, identity, ours]))
-    assert (
-        "| [reproduced]{.verdict .reproduced} | the criterion holds |  |  |  |  | 2 | 2 |" in told
-    )
+    assert "| [reproduced]{.verdict .reproduced}: the criterion holds | 2 | 2 waiting |" in told
     assert "1 claims are proofs" in told
 
 

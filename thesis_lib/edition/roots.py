@@ -126,25 +126,32 @@ def make(jobs: Sequence[Job], workers: int, say: Callable[[str], None]) -> None:
         for done, job in enumerate(missing, 1):
             report(job(), done)
         return
+    pool = _pool(workers)
+    waiting = {pool.submit(job) for job in missing}
+    try:
+        while waiting:
+            ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in ready:
+                report(future.result(), len(missing) - len(waiting))
+    except BaseException as error:
+        _pool.cache_clear()
+        pool.shutdown(cancel_futures=True)
+        if not isinstance(error, BrokenProcessPool):
+            raise
+        raise ForeseenError(
+            "a process ended before its table was made: give the same command again, with "
+            "fewer workers where memory is short; a script must have what it does under "
+            '`if __name__ == "__main__":`.'
+        ) from error
+
+
+@cache
+def _pool(workers: int) -> ProcessPoolExecutor:
+    """Processes for all groups of claims: to start them takes longer than many a table."""
     from thesis_lib.training.cluster import check_guard  # takes a second to import
 
     check_guard()
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        waiting = {pool.submit(job) for job in missing}
-        try:
-            while waiting:
-                ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                for future in ready:
-                    report(future.result(), len(missing) - len(waiting))
-        except BrokenProcessPool as error:
-            raise ForeseenError(
-                "a process ended before its table was made: give the same command again, with "
-                "fewer workers where memory is short; a script must have what it does under "
-                '`if __name__ == "__main__":`.'
-            ) from error
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    return ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
 
 
 # ------------------------------------------------------------------------------ code
