@@ -59,7 +59,7 @@ class Value:
     item="Figure A.1",
     smoke=Config(policies=11),
     book=Config(discounts=(0.1, 0.5, 0.8, 0.9, 0.95, 0.99, 0.999)),
-    seconds=0.3,
+    seconds=0.1,
 )
 def by_policy(config: Config, context: Context) -> list[Value]:
     """Value of state 1 over p(B), deterministic and stochastic policies, exact."""

@@ -82,7 +82,7 @@ class Value:
     item="Figure A.2",
     smoke=Config(discounts=(0.9,), policies=5),
     book=Config(),
-    seconds=0.2,
+    seconds=0.1,
 )
 def by_policy(config: Config, context: Context) -> list[Value]:
     """Values of all states over p(B) on the three domains of cases 1 to 3, exact."""

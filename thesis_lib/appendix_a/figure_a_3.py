@@ -69,7 +69,7 @@ class Value:
     """One number a policy: reward a step, what (3.11) ranks by [reward]."""
 
 
-@experiment("figure-a.3", item="Figure A.3", smoke=Config(policies=41), book=Config(), seconds=0.3)
+@experiment("figure-a.3", item="Figure A.3", smoke=Config(policies=41), book=Config(), seconds=0.6)
 def by_policy(config: Config, context: Context) -> list[Value]:
     """Values of all states over p(B) with weights that depend on the policy, exact."""
     domain = figure_a3(config.loss, config.gain, config.discount, config.detour)

@@ -61,7 +61,7 @@ class Error:
     item="Section 2.3.2",
     smoke=Config(),
     book=Config(),
-    seconds=0.1,
+    seconds=0.02,
     was="section-2.3.2",
 )
 def errors(config: Config, context: Context) -> list[Error]:

@@ -73,7 +73,7 @@ class Estimator:
     item="Section 2.3.4",
     smoke=Config(steps=3),
     book=Config(),
-    seconds=0.1,
+    seconds=0.03,
     was="section-2.3.4",
 )
 def biases(config: Config, context: Context) -> list[Estimator]:

@@ -76,7 +76,7 @@ class Divergence:
     item="Section 2.3.5",
     smoke=Config(steps=3),
     book=Config(),
-    seconds=0.1,
+    seconds=0.008,
     was="section-2.3.5",
 )
 def divergences(config: Config, context: Context) -> list[Divergence]:

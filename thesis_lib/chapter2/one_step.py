@@ -68,7 +68,7 @@ class Place:
     item="Section 2.3.5",
     smoke=LandscapeConfig(resolution=9),
     book=LandscapeConfig(),
-    seconds=4,
+    seconds=11,
     was="section-2.3.5-landscape",
 )
 def landscape(config: LandscapeConfig, context: Context) -> list[Place]:
@@ -134,7 +134,7 @@ class Step:
     item="Section 2.3.5",
     smoke=Config(batch_steps=400, repeats=2),
     book=Config(),
-    seconds=2,
+    seconds=4,
     was="section-2.3.5-steps",
 )
 def steps(config: Config, context: Context) -> list[Step]:

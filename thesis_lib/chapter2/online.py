@@ -108,7 +108,7 @@ class Run:
     item="Section 2.3.3",
     smoke=Config(runs=5, episodes=40, late=10),
     book=Config(),
-    seconds=1.5,
+    seconds=0.5,
     was="section-2.3.3",
 )
 def runs(config: Config, context: Context) -> list[Run]:
@@ -170,7 +170,7 @@ class Block(Returns):
     item="Section 2.3.3",
     smoke=CurveConfig(runs=5, episodes=40, late=10),
     book=CurveConfig(),
-    seconds=1.5,
+    seconds=0.4,
     was="section-2.3.3-curve",
 )
 def curve(config: CurveConfig, context: Context) -> list[Block]:

@@ -79,7 +79,7 @@ class Outcome:
         vpg=(0.01, 0.1), natural=(0.2, 1.0), trpo=(0.05,), iterations=2, runs=2, batch_steps=200
     ),
     book=Config(),
-    seconds=20,
+    seconds=50,
     was="section-2.3.5-settings",
 )
 def outcomes(config: Config, context: Context) -> list[Outcome]:

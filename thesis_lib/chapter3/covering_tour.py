@@ -153,7 +153,7 @@ class Policy:
     item="Section 3.3.5, the empty room",
     smoke=Config(sizes=(4,), restarts=1, repeats=1),
     book=Config(),
-    seconds=60,
+    seconds=7,
 )
 def rooms(config: Config, context: Context) -> list[Policy]:
     """Value of cross-task policies in an empty room, and the return with them as potentials."""

@@ -81,7 +81,7 @@ class Return(Returns):
         mu=MuSearch(restarts=1),
     ),
     book=Config(),
-    seconds=90,
+    seconds=57,
 )
 def by_alpha(config: Config, context: Context) -> list[Return]:
     """Return on the continuing cliff over the learning rate, by potential and learner."""

@@ -101,7 +101,7 @@ class Point(Returns):
     """Half-width of its 95% t interval."""
 
 
-@experiment("figure-3.2", item="Figure 3.2", smoke=SMOKE, book=Config(), seconds=25)
+@experiment("figure-3.2", item="Figure 3.2", smoke=SMOKE, book=Config(), seconds=4)
 def mean_curves(config: Config, context: Context) -> list[Point]:
     """Cumulative reward of Sarsa on the continuing cliff while it learns, mean of runs."""
     domain = continuing_cliff(config.discount)
@@ -188,7 +188,7 @@ class Moment:
 
 
 @experiment(
-    "figure-3.2-runs", item="Figure 3.2, single runs", smoke=SMOKE, book=Config(), seconds=5
+    "figure-3.2-runs", item="Figure 3.2, single runs", smoke=SMOKE, book=Config(), seconds=2
 )
 def single_runs(config: Config, context: Context) -> list[Moment]:
     """Cumulative reward and TD error of single runs of Sarsa on the continuing cliff.

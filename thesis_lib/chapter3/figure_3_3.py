@@ -51,7 +51,7 @@ class Config:
     smoke=Config(repeats=2, epsilons=(0.01,), alphas=(0.5,), mu=MuSearch(restarts=1)),
     book=Config(),
     thesis=Config(repeats=1),
-    seconds=8,
+    seconds=2,
 )
 def by_alpha(config: Config, context: Context) -> list[SweepReturn]:
     """Return of Q-learning on the triangle over the learning rate, by potential."""

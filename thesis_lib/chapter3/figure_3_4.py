@@ -83,7 +83,7 @@ class Return(SweepReturn):
         mu=MuSearch(restarts=1),
     ),
     book=Config(),
-    seconds=20,
+    seconds=6,
 )
 def by_alpha(config: Config, context: Context) -> list[Return]:
     """Return of Q-learning on stock trading over the learning rate, by potential."""

@@ -54,7 +54,7 @@ class Threshold:
     item="Section 3.4.2, the huddle",
     smoke=Config(discounts=(0.95,), tolerance=0.02),
     book=Config(),
-    seconds=5,
+    seconds=0.6,
     was="section-3.4.2-huddle",
 )
 def thresholds(config: Config, context: Context) -> list[Threshold]:

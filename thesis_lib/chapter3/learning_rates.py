@@ -56,7 +56,7 @@ class Return:
     item="Table 3.1, its learning rates",
     smoke=Config(alphas=(0.4, 1.0), repeats=1, episodes=10),
     book=Config(),
-    seconds=3,
+    seconds=1,
     was="table-3.1-alpha",
 )
 def by_alpha(config: Config, context: Context) -> list[Return]:

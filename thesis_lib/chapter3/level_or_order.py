@@ -98,7 +98,7 @@ class Moved:
     ),
     book=Config(),
     thesis=Config(repeats=20),
-    seconds=90,
+    seconds=15,
 )  # fmt: skip
 def moved(config: Config, context: Context) -> list[Moved]:
     """Return of every potential moved to every level, beside a constant and no shaping."""

@@ -58,7 +58,7 @@ class Level:
     item="Section 3.3, the levels of the potentials",
     smoke=Config(domains=("triangle",), mu=MuSearch(restarts=1)),
     book=Config(),
-    seconds=5,
+    seconds=3,
     was="section-3.3-levels",
 )
 def levels(config: Config, context: Context) -> list[Level]:

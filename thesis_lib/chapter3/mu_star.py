@@ -61,7 +61,7 @@ class Search:
     smoke=Config(domains=("triangle",), ga=GeneticAlgorithm(generations=5), ga_runs=1, restarts=2),
     book=Config(ga_runs=1),
     thesis=Config(),
-    seconds=90,
+    seconds=55,
     was="section-3.3.5",
     claims_read={"domains": ("episodic cliff",)},
 )

@@ -137,7 +137,7 @@ class Return:
         most_steps=200,
     ),
     book=Config(),
-    seconds=20,
+    seconds=6,
     was="table-3.1-mu",
 )
 def returns(config: Config, context: Context) -> list[Return]:

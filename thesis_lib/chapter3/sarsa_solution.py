@@ -76,7 +76,7 @@ class Solution:
     item="Section 3.4.2, Sarsa's solution",
     smoke=Config(discounts=(0.95,), steps=2000),
     book=Config(),
-    seconds=10,
+    seconds=6,
     was="section-3.4.2-sarsa",
 )
 def learned(config: Config, context: Context) -> list[Solution]:

@@ -70,7 +70,7 @@ class Return(Returns):
     item="Section 3.6, scaling the potential",
     smoke=Config(domains=("triangle",), factors=(0.0, 1.0), repeats=1, mu=MuSearch(restarts=1)),
     book=Config(),
-    seconds=60,
+    seconds=23,
     was="section-3.6-scaling",
 )
 def scaled(config: Config, context: Context) -> list[Return]:

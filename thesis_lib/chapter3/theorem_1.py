@@ -112,7 +112,7 @@ class Sweeps:
     item="Theorem 1",
     smoke=Config(domains=("triangle",), tolerances=(1e-3,), n_random=2),
     book=Config(),
-    seconds=100,
+    seconds=30,
 )
 def sweeps(config: Config, context: Context) -> list[Sweeps]:
     """Sweeps of value iteration to within epsilon of Q*, by initialisation, and the bound."""

@@ -69,7 +69,7 @@ class Return:
     item="Section 3.6, two value functions at once",
     smoke=Config(domains=("triangle",), steps=(100,), repeats=2, n_sources=2),
     book=Config(),
-    seconds=40,
+    seconds=23,
     was="section-3.6-two-values",
 )
 def learned_on_the_side(config: Config, context: Context) -> list[Return]:

@@ -100,7 +100,7 @@ class Return(Returns):
     item="Section 3.3.6, the choice of p(x|m)",
     smoke=Config(domains=("triangle",), repeats=1, learning_steps=200, mu=MuSearch(restarts=1)),
     book=Config(),
-    seconds=30,
+    seconds=17,
     was="section-3.3.6",
 )
 def compared(config: Config, context: Context) -> list[Return]:

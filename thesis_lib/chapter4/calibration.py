@@ -71,7 +71,7 @@ class Kept:
     smoke=Config(runs=5, tasks_seen=(4,), alphas=(0.05,), effects=(1.0,), levels=(2,)),
     book=Config(runs=200),
     thesis=Config(runs=2000),
-    seconds=45,
+    seconds=21,
     was="selector-calibration",
 )
 def kept(config: Config, context: Context) -> list[Kept]:

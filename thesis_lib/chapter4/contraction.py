@@ -64,7 +64,7 @@ class Step:
     item="Theorem 2 (a factor for each k)",
     smoke=Config(domains=6, lengths=(2, 10)),
     book=Config(),
-    seconds=25,
+    seconds=4,
     was="theorem-2-each-k",
 )
 def steps(config: Config, context: Context) -> list[Step]:

@@ -34,7 +34,7 @@ class Distance:
     """Number of random domains."""
 
 
-@experiment("corollary-1", item="Corollary 1", smoke=SMOKE, book=Config(), seconds=15)
+@experiment("corollary-1", item="Corollary 1", smoke=SMOKE, book=Config(), seconds=20)
 def distances(config: Config, context: Context) -> list[Distance]:
     """Distance of k-relevance from domain relevance, over k, in random domains."""
     records = []

@@ -53,7 +53,7 @@ SMOKE = figure_4_4.Config(
     item="Figures 4.4 and 4.5 on the episodic cliff",
     smoke=Config(SMOKE),
     book=Config(),
-    seconds=40,
+    seconds=22,
     was="figure-4.4-episodic",
 )
 def with_either(config: Config, context: Context) -> list[PotentialSelected]:

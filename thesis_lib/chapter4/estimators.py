@@ -61,7 +61,7 @@ class Bias:
     smoke=Config(runs=5, tasks_seen=(3,)),
     book=Config(runs=2000),
     thesis=Config(),
-    seconds=40,
+    seconds=12,
     was="estimator-u",
 )
 def biases(config: Config, context: Context) -> list[Bias]:

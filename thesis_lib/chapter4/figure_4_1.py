@@ -52,7 +52,7 @@ class Relevance:
     """k-relevance, squared reward."""
 
 
-@experiment("figure-4.1", item="Figure 4.1", smoke=Config(longest=12), book=Config(), seconds=1)
+@experiment("figure-4.1", item="Figure 4.1", smoke=Config(longest=12), book=Config(), seconds=0.01)
 def curves(config: Config, context: Context) -> list[Relevance]:
     """k-relevance of single features of the triangle, exactly, in both directions."""
     solutions = exact_solutions(triangle())

@@ -54,7 +54,7 @@ class Element:
     """Of the sequence: the mean of its matrix."""
 
 
-@experiment("figure-4.2", item="Figure 4.2", smoke=Config(longest=2), book=Config(), seconds=1)
+@experiment("figure-4.2", item="Figure 4.2", smoke=Config(longest=2), book=Config(), seconds=0.02)
 def elements(config: Config, context: Context) -> list[Element]:
     """Sequences of three stock tasks: probabilities, covariance matrices, relevance."""
     solutions = exact_solutions(stock(1, 2, 1)).take(np.array(config.tasks))

@@ -79,7 +79,7 @@ def _rows(example: str, target: int, q: FloatArray, features: IntArray, names: s
     item="Sections 4.1 and 4.2 (interdependence)",
     smoke=Config(2, (2, 4)),
     book=Config(),
-    seconds=3,
+    seconds=0.5,
 )
 def subsets(config: Config, context: Context) -> list[Subset]:
     """Relevance of sets of features that depend on one another, and what elimination keeps."""

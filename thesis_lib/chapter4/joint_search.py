@@ -96,7 +96,7 @@ class Reading(Rated):
     smoke=Config(max_seqs=(5, 0), intervals=("curve",), tasks_seen=(5,), runs=2, tests=2),
     book=Config(),
     thesis=Config(runs=500),
-    seconds=130,
+    seconds=32,
     was="fs-tek-joint-search",
 )
 def readings(config: Config, context: Context) -> list[Reading]:

@@ -41,7 +41,7 @@ class Count:
 
 
 @experiment(
-    "lemma-3", item="Lemma 3", smoke=Config(tasks=(2,), longest=3), book=Config(), seconds=1
+    "lemma-3", item="Lemma 3", smoke=Config(tasks=(2,), longest=3), book=Config(), seconds=0.006
 )
 def counts(config: Config, context: Context) -> list[Count]:
     """Share of variances among new covariances, counted over all sequences."""

@@ -62,7 +62,7 @@ class Error:
     item="Section 4.2 (combinations)",
     smoke=Config(("triangle",), (3,), 5),
     book=Config(),
-    seconds=15,
+    seconds=8,
 )
 def errors(config: Config, context: Context) -> list[Error]:
     """Error of k-relevance from few tasks, by combinations without repeats and by sequences."""

@@ -127,7 +127,7 @@ class Prediction(Kept):
     smoke=Config(domains=("triangle", "stock G = 1"), tasks_seen=(4,), runs=2, tests=2),
     book=Config(),
     thesis=Config(runs=300),
-    seconds=160,
+    seconds=36,
     was="selection-as-prediction",
 )
 def predictions(config: Config, context: Context) -> list[Prediction]:

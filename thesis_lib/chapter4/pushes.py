@@ -57,7 +57,7 @@ class Push:
 
 
 @experiment(
-    "ch4-pushes", item="Section 4.3 (pushes)", smoke=Config((0.95,)), book=Config(), seconds=2
+    "ch4-pushes", item="Section 4.3 (pushes)", smoke=Config((0.95,)), book=Config(), seconds=0.06
 )
 def pushes(config: Config, context: Context) -> list[Push]:
     """Where Q* and Q~ push the agent on the cliff, by sensor and by position."""

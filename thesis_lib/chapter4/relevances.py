@@ -59,7 +59,7 @@ class Relevance:
     item="Section 4.3 (domains)",
     smoke=Config(global_factors=(1, 2)),
     book=Config(),
-    seconds=2,
+    seconds=0.3,
     was="section-4.3-relevance",
 )
 def relevances(config: Config, context: Context) -> list[Relevance]:

@@ -88,7 +88,7 @@ class Place(Placed):
     smoke=Config(runs=2, tasks_seen=(4,), domains=("triangle", "random MDP a")),
     book=Config(runs=100),
     thesis=Config(runs=500),
-    seconds=80,
+    seconds=50,
     was="selector-roc",
 )
 def places(config: Config, context: Context) -> list[Place]:

@@ -64,7 +64,7 @@ class Agreement:
     item="FS-TEK explained (sampling)",
     smoke=Config(tasks_seen=(5,), max_seqs=(5, EVERY), domains=5),
     book=Config(),
-    seconds=25,
+    seconds=4,
     was="fs-tek-sampled",
 )
 def agreement(config: Config, context: Context) -> list[Agreement]:

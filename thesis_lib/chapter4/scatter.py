@@ -71,7 +71,7 @@ class Kept:
     item="Jackknife F (scatter)",
     smoke=Config(laws=("gaussian", "sign"), tasks_seen=(4,), runs=10),
     book=Config(),
-    seconds=40,
+    seconds=16,
     was="selector-scatter",
 )
 def kept(config: Config, context: Context) -> list[Kept]:

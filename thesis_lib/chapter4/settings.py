@@ -75,7 +75,7 @@ class Tried(Rated):
     smoke=Config((4,), (4,), 2, 1),
     book=Config(),
     thesis=Config(runs=500),
-    seconds=25,
+    seconds=14,
 )
 def tried(config: Config, context: Context) -> list[Tried]:
     """Return with features kept for good or tested again, and with several levels on stock."""

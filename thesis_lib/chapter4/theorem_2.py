@@ -105,7 +105,7 @@ class Example:
     item="Theorem 2 (counterexamples)",
     smoke=ExampleConfig(longest=4),
     book=ExampleConfig(),
-    seconds=1,
+    seconds=0.07,
     was="theorem-2-examples",
 )
 def counterexamples(config: ExampleConfig, context: Context) -> list[Example]:

@@ -30,7 +30,7 @@ class Monotone:
     """Share in which it does both."""
 
 
-@experiment("theorem-3", item="Theorem 3", smoke=SMOKE, book=Config(), seconds=15)
+@experiment("theorem-3", item="Theorem 3", smoke=SMOKE, book=Config(), seconds=21)
 def directions(config: Config, context: Context) -> list[Monotone]:
     """In what share of random domains k-relevance is monotone, and which way."""
     records = []

@@ -69,7 +69,7 @@ class Reading:
 
 
 @experiment("ch5-calibration", item="Table 5.2, its readings", smoke=Config(), book=Config(),
-            seconds=1)  # fmt: skip
+            seconds=0.06)  # fmt: skip
 def readings(config: Config, context: Context) -> list[Reading]:
     """Return of the first iterations by settings that are not printed, beside table 5.2."""
     curves = pd.read_csv(repository_root() / config.store / "curves.csv")

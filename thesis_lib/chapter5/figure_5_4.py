@@ -65,7 +65,7 @@ class Score:
     """Whether its cells learned for as many steps as the thesis's."""
 
 
-@experiment("figure-5.4", item="Figure 5.4", smoke=SMOKE, book=Config(), seconds=8)
+@experiment("figure-5.4", item="Figure 5.4", smoke=SMOKE, book=Config(), seconds=4)
 def scores(config: Config, context: Context) -> list[Score]:
     """Robustness scores (equation 5.4) by quadrant, robot and net, printed and ours."""
     a, b, c = (np.random.default_rng(s) for s in context.seeds(3))

@@ -58,7 +58,7 @@ class Size:
     item="Section 5.4",
     smoke=Config(("Hopper",), ("ffwd", "dtrnn", "ctrnn", "esn"), 1, 50),
     book=Config(seeds=2),
-    seconds=10,
+    seconds=23,
     was="section-5.4-first-means",
 )
 def sizes(config: Config, context: Context) -> list[Size]:

@@ -117,7 +117,7 @@ class Point:
     item="Section 5.2",
     smoke=Config(seeds=1, steps=2048, segment=256),
     book=Config(),
-    seconds=60,
+    seconds=36,
     was="section-5.2-gain",
 )
 def untrained(config: Config, context: Context) -> list[Point]:

@@ -67,7 +67,7 @@ class StagePoint(Point):
     smoke=Config(steps=2048, segment=256),
     book=Config(steps=2**13),
     thesis=Config(steps=2**15),
-    seconds=60,
+    seconds=25,
     was="section-5.2-gain-trained",
 )
 def before_and_after(config: Config, context: Context) -> list[StagePoint]:

@@ -103,7 +103,7 @@ class Flow:
     item="Section 5.2.2",
     smoke=Config(seeds=1, ratios=(0.1, 1.0)),
     book=Config(),
-    seconds=10,
+    seconds=1,
     was="section-5.2.2-gradients",
 )
 def gaps(config: Config, context: Context) -> list[Gap]:

@@ -73,7 +73,7 @@ class Deviation:
     item="Section 5.2.2",
     smoke=Config(seeds=1, ratios=(0.1, 1.0)),
     book=Config(),
-    seconds=3,
+    seconds=0.9,
     was="section-5.2.2-integrators",
 )
 def errors(config: Config, context: Context) -> list[Deviation]:

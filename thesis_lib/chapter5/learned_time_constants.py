@@ -47,7 +47,7 @@ class Unit:
     item="Section 5.2.2",
     smoke=Config(),
     book=Config(),
-    seconds=3,
+    seconds=0.9,
     was="section-5.2.2-time-constants",
 )
 def by_unit(config: Config, context: Context) -> list[Unit]:

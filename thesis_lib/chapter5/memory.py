@@ -81,7 +81,7 @@ class Forgetting:
     item="Sections 5.2.1 to 5.2.5",
     smoke=Config(seeds=1, steps=100),
     book=Config(),
-    seconds=25,
+    seconds=11,
     was="section-5.2.3-memory",
 )
 def impulses(config: Config, context: Context) -> list[Forgetting]:

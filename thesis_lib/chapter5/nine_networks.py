@@ -21,7 +21,7 @@ COMMITTED = Config(("learning/curves",))
     item="Section 5.5.1",
     smoke=COMMITTED,
     book=COMMITTED,
-    seconds=0.1,
+    seconds=0.009,
     columns=COLUMNS,
     was="section-5.5.1-curves",
 )

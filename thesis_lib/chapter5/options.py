@@ -31,7 +31,7 @@ COMMITTED = Config(tuple(f"options/{name}/curves" for name in SWEEPS))
     item="Section 5.5.1",
     smoke=COMMITTED,
     book=COMMITTED,
-    seconds=1,
+    seconds=0.3,
     columns={
         "sweep": "path of the sweep below results",
         "iterations": "of its runs",

@@ -20,7 +20,7 @@ COMMITTED = Config(("precision/curves",))
     item="Section 5.5.1",
     smoke=COMMITTED,
     book=COMMITTED,
-    seconds=0.1,
+    seconds=0.007,
     columns=COLUMNS,
     was="section-5.5.1-precision",
 )

@@ -54,7 +54,7 @@ class Eigenvalue:
     item="Section 5.2.5",
     smoke=EigenvaluesConfig(ant_units=50),
     book=EigenvaluesConfig(),
-    seconds=3,
+    seconds=0.8,
     was="section-5.2.5-eigenvalues",
 )
 def eigenvalues(config: EigenvaluesConfig, context: Context) -> list[Eigenvalue]:
@@ -178,7 +178,7 @@ def exponent(
     item="Section 5.2.5",
     smoke=Config(radii=(0.8, 1.5), noises=(0.0, 1.0), seeds=1, settle=20, steps=50),
     book=Config(),
-    seconds=30,
+    seconds=10,
     was="section-5.2.5-radius",
 )
 def exponents(config: Config, context: Context) -> list[Exponent]:

@@ -53,7 +53,7 @@ class Moment:
     item="Section 5.2",
     smoke=Config(seeds=1, steps=40),
     book=Config(),
-    seconds=5,
+    seconds=0.8,
     was="section-5.2-responses",
 )
 def moments(config: Config, context: Context) -> list[Moment]:

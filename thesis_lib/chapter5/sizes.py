@@ -87,7 +87,7 @@ def count(architecture: str, inputs: int, actions: int, units: int) -> int:
     item="Section 5.4",
     smoke=Config(largest_reservoir=300),
     book=Config(),
-    seconds=10,
+    seconds=4,
     was="section-5.4-sizes",
 )
 def sizes(config: Config, context: Context) -> list[Size]:

@@ -85,7 +85,7 @@ class Prediction:
     """Policies of all arms whose regular test earned nothing, so that no share of it is kept."""
 
 
-@experiment("ch5-filter-kept", item="Study 1", smoke=SMOKE, book=Config(), seconds=2)
+@experiment("ch5-filter-kept", item="Study 1", smoke=SMOKE, book=Config(), seconds=0.08)
 def kept(config: Config, context: Context) -> list[Kept]:
     """Shares of the return kept under noise of one variance and five correlation times."""
     return _kept(read_runs(config.store))[0]
@@ -108,7 +108,7 @@ def _kept(store: Runs) -> tuple[list[Kept], int]:
     return rows, left_out
 
 
-@experiment("ch5-filter", item="Study 1", smoke=SMOKE, book=Config(), seconds=3)
+@experiment("ch5-filter", item="Study 1", smoke=SMOKE, book=Config(), seconds=0.08)
 def predictions(config: Config, context: Context) -> list[Prediction]:
     """The filter hypothesis's predictions, with intervals over seeds."""
     shares, left_out = _kept(read_runs(config.store))

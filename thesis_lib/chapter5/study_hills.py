@@ -55,7 +55,7 @@ class Effect:
     """Whether all learned for as many steps as the thesis's."""
 
 
-@experiment("ch5-hills", item="Study 2", smoke=SMOKE, book=Config(), seconds=4)
+@experiment("ch5-hills", item="Study 2", smoke=SMOKE, book=Config(), seconds=0.2)
 def effects(config: Config, context: Context) -> list[Effect]:
     """Differences of differences by training on hills, printed and ours."""
     a, b, c = (np.random.default_rng(s) for s in context.seeds(3))

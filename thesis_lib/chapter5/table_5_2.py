@@ -35,7 +35,7 @@ from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.stats import combined, welch
 
 
-@experiment("table-5.2", item="Table 5.2", smoke=Config(), book=Config(), seconds=2)
+@experiment("table-5.2", item="Table 5.2", smoke=Config(), book=Config(), seconds=0.1)
 def entries(config: Config, context: Context) -> list[Cell]:
     """Mean return per learning iteration, printed and ours, by robot, ground and net."""
     runs = read_runs(config.store).learning().rename(columns={"mean_return": "value"})

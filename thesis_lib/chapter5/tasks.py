@@ -99,7 +99,7 @@ def _limits(limits: Limits | None) -> str:
     item="Section 5.1.1",
     smoke=Config(),
     book=Config(),
-    seconds=0.2,
+    seconds=0.02,
     was="tasks-5.1",
 )
 def by_robot(config: Config, context: Context) -> list[Task]:
