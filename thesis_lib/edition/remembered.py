@@ -23,8 +23,8 @@ def remembered(kind: type[RecordT]) -> Callable[[Callable[..., RecordT]], Callab
 
     It is made anew for another argument, after a change of a definition that the function
     reaches, and with other versions of the packages.  Two processes that ask at once make it
-    once.  It lies in the first of :func:`~thesis_lib.checkout.cache_folders` that can be written
-    to, and where none can it is made again by each process.
+    once.  It lies in the checkout's ``_build`` or the user's cache, and where neither can be
+    written to each process makes it again.
 
     Parameters
     ----------
