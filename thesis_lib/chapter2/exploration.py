@@ -76,7 +76,7 @@ class Outcome:
     item="Section 2.3.3",
     smoke=Config(runs=4, episodes=20, epsilons=(0.0, 0.1)),
     book=Config(),
-    seconds=2,
+    seconds=3,
     was="section-2.3.3-exploration",
 )
 def by_epsilon(config: Config, context: Context) -> list[Outcome]:

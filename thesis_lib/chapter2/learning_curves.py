@@ -63,7 +63,7 @@ class Policy:
     item="Algorithms 5 and 6",
     smoke=Config(iterations=3, runs=2, batch_steps=200),
     book=Config(),
-    seconds=20,
+    seconds=29,
     was="section-2.3.5-learning",
 )
 def curves(config: Config, context: Context) -> list[Policy]:

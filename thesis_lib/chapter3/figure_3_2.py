@@ -101,7 +101,7 @@ class Point(Returns):
     """Half-width of its 95% t interval."""
 
 
-@experiment("figure-3.2", item="Figure 3.2", smoke=SMOKE, book=Config(), seconds=4)
+@experiment("figure-3.2", item="Figure 3.2", smoke=SMOKE, book=Config(), seconds=22)
 def mean_curves(config: Config, context: Context) -> list[Point]:
     """Cumulative reward of Sarsa on the continuing cliff while it learns, mean of runs."""
     domain = continuing_cliff(config.discount)

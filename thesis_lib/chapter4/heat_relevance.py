@@ -79,7 +79,7 @@ SMOKE = Config(HeatSpace(learner=HeatLearner(episodes=20)), sensors=(0.02,), bat
     smoke=SMOKE,
     book=Config(batches=4, tasks=40),
     thesis=Config(batches=40),
-    seconds=15,
+    seconds=10,
     was="section-4.3-heat",
 )
 def relevances(config: Config, context: Context) -> list[Relevance]:
