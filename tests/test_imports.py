@@ -1,12 +1,16 @@
 """Imports run one way, from the mathematics to the experiments to the book."""
 
 import ast
+import gc
 import re
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
-from thesis_lib.imports import READERS, imported
+from thesis_lib.imports import READERS, expression, imported, parsed
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "thesis_lib"
@@ -119,3 +123,42 @@ def test_the_build_knows_who_reads_committed_results() -> None:
     }
     assert readers == set(READERS)
     assert all((ROOT / folder).is_dir() for folder in READERS.values())
+
+
+@pytest.fixture
+def threads_switch_inside_the_parser() -> Iterator[None]:
+    """The collector runs often, and Python code in it lets other threads go on."""
+    usual = gc.get_threshold()
+    gc.callbacks.append(_give_way)
+    gc.set_threshold(200)
+    yield
+    gc.set_threshold(*usual)
+    gc.callbacks.remove(_give_way)
+
+
+def _give_way(*_: object) -> None:
+    time.sleep(0.0005)
+
+
+@pytest.mark.usefixtures("threads_switch_inside_the_parser")
+def test_threads_can_parse_at_once() -> None:
+    source = Path(ast.__file__).read_text()
+    terms = " + ".join(f"f({i})" for i in range(100))
+
+    def both(_: int) -> tuple[int, int]:
+        return len(parsed(source).body), sum(
+            isinstance(x, ast.Call) for x in ast.walk(expression(terms))
+        )
+
+    with ThreadPoolExecutor(2) as pool:
+        assert set(pool.map(both, range(4))) == {(len(ast.parse(source).body), 100)}
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda f: str(f.relative_to(PACKAGE)))
+def test_every_module_parses_by_one_thread_at_a_time(file: Path) -> None:
+    calls = {
+        ast.unparse(n.func)
+        for n in ast.walk(ast.parse(file.read_text()))
+        if isinstance(n, ast.Call)
+    }
+    assert file.name == "imports.py" or not calls & {"ast.parse", "compile", "parse"}

@@ -29,8 +29,33 @@ READERS = {
 of them each by its name."""
 
 _ONE_AT_A_TIME = threading.Lock()
-"""Up to Python 3.11.7 two threads that parse at once can end in a SystemError
-(python/cpython#106905), and notebooks are executed two at a time."""
+
+
+def parsed(source: str) -> ast.Module:
+    """Syntax tree of Python source, by one thread at a time.
+
+    Up to Python 3.11.7 two threads that parse at once can end in a SystemError
+    (python/cpython#106905), and experiments and notebooks run several at a time.
+
+    Raises
+    ------
+    SyntaxError
+        If the source is not Python.
+    """
+    with _ONE_AT_A_TIME:
+        return ast.parse(source)
+
+
+def expression(source: str) -> ast.expr:
+    """Syntax tree of one Python expression, by one thread at a time.
+
+    Raises
+    ------
+    SyntaxError
+        If the source is not one expression.
+    """
+    with _ONE_AT_A_TIME:
+        return ast.parse(source, mode="eval").body
 
 
 def module_file(name: str, root: Path) -> Path | None:
@@ -73,9 +98,7 @@ def imported(source: str, package: str = "") -> frozenset[str]:
         If the source is not Python.
     """
     names: set[str] = set()
-    with _ONE_AT_A_TIME:
-        tree = ast.parse(source)
-    for node in ast.walk(tree):
+    for node in ast.walk(parsed(source)):
         if isinstance(node, ast.Import):
             names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):

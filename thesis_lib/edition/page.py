@@ -44,6 +44,7 @@ from thesis_lib.edition.ledger import (
 )
 from thesis_lib.edition.plots import use_style
 from thesis_lib.edition.words import plain
+from thesis_lib.imports import parsed
 
 #: First line of the cell in which papermill assigns the parameters it was given.
 _INJECTED = "# Parameters"
@@ -105,7 +106,7 @@ def assigned_names(source: str) -> list[str]:
         (an IPython magic, for example).
     """
     try:
-        tree = ast.parse(source)
+        tree = parsed(source)
     except SyntaxError:
         return []
     names = []

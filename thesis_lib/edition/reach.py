@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-from thesis_lib.imports import PACKAGE, data_files, module_file, saved_results
+from thesis_lib.imports import PACKAGE, data_files, module_file, parsed, saved_results
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -146,7 +146,7 @@ def _read(module: str, root: Path) -> _Module | None:
     if file is None:
         return None
     made = _Module(file)
-    for node in _bare(ast.parse(file.read_text(encoding="utf-8"))).body:
+    for node in _bare(parsed(file.read_text(encoding="utf-8"))).body:
         if not isinstance(node, ast.FunctionDef | ast.ClassDef):
             made.imported.update(_imports(node))
         if isinstance(node, ast.Import | ast.ImportFrom):

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from thesis_lib.checks import plain_settings
+from thesis_lib.imports import expression
 from thesis_lib.locomotion import perturbations
 from thesis_lib.locomotion.batch import Perturbation
 from thesis_lib.registration import find
@@ -118,7 +119,7 @@ def parse_perturbation(text: str) -> Perturbation:
         When the name or a field does not exist, or a value is out of range.
     """
     try:
-        tree = ast.parse(text.strip(), mode="eval").body
+        tree = expression(text.strip())
         name, given = (tree.func, tree.keywords) if isinstance(tree, ast.Call) else (tree, [])
         if not isinstance(name, ast.Name) or (isinstance(tree, ast.Call) and tree.args):
             raise ValueError
