@@ -11,7 +11,6 @@ features.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache, partial
 from itertools import product
@@ -20,6 +19,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter3.runs import SETTINGS
 from thesis_lib.chapter4.figure_4_3 import PRINTED
 from thesis_lib.chapter4.runs import Rated, Run, run_selectors, solve_domain
@@ -27,12 +27,12 @@ from thesis_lib.domains import triangle
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.words import several
-from thesis_lib.relevance.cells import Cells, FeatureCells
-from thesis_lib.relevance.exact import explained_sequences, feature_k_relevance
+from thesis_lib.relevance.cells import Cells, FeatureCells, keep
+from thesis_lib.relevance.exact import explained_sequences, k_relevance
 from thesis_lib.relevance.sequences import count_tasks
 from thesis_lib.selection import FSTEK, FixedFeatures, NoSelection, Selector, triangle_alpha
-from thesis_lib.selection.base import Call, Check, Test
-from thesis_lib.selection.fitting import check_alpha, fit_exponential, student_tail
+from thesis_lib.selection.base import Call
+from thesis_lib.selection.fstek import Curves
 from thesis_lib.stats import mean_ci
 
 Schedule = Literal["formula", "words"]
@@ -160,33 +160,23 @@ def readings(config: Config, context: Context) -> list[Reading]:
 class WithRepeats(FSTEK):
     """FS-TEK on sequences that may repeat a task: ``max_seqs`` drawn for each k, or all."""
 
-    def _test(self, call: Call) -> Test:
+    def _curves(self, call: Call) -> Curves:
         n, rng = call.solutions.n_tasks, np.random.default_rng(self.random_state)
-        k = np.arange(1, n + 1)
-        quantile = student_tail(check_alpha(self.alpha, n) / 2, n - 3)
-        most = self.max_seqs
-        drawn = [count_tasks(rng.integers(n, size=(most, i)), n) for i in k] if most else []
+        k, most = np.arange(1, n + 1), self.max_seqs
+        if most is None:
 
-        def explained(cells: Cells) -> np.ndarray:
+            def exact(cells: FeatureCells, feature: int) -> FloatArray:
+                kept = keep(call.solutions, [i for i in cells.features if i != feature])
+                return k_relevance(call.solutions, kept, k)
+
+            return exact
+        drawn = [count_tasks(rng.integers(n, size=(most, i)), n) for i in k]
+
+        def explained(cells: Cells) -> FloatArray:
             return np.array([explained_sequences(cells, counts).mean() for counts in drawn])
 
-        def test(cells: FeatureCells, candidates: list[int]) -> Iterable[Check]:
-            left = cells.features
-            if most is None:
-                gone = [i for i in range(call.solutions.n_features) if i not in left]
-                found = feature_k_relevance(call.solutions, k, removed=gone)
-                curves = dict(zip(left, found, strict=True))
-            else:
-                whole = explained(call.ground)
-                curves = {i: whole - explained(cells.drop(i)) for i in candidates}
-            for feature in candidates:
-                curve = curves[feature]
-                if np.ptp(curve) <= call.zero:
-                    yield self._judge_flat(feature, curve, call.zero)
-                else:
-                    yield self._judge(feature, curve, fit_exponential(curve), quantile)
-
-        return test
+        whole = explained(call.ground)
+        return lambda cells, feature: whole - explained(cells.drop(feature))
 
 
 def fits(table: pd.DataFrame) -> pd.DataFrame:

@@ -111,15 +111,16 @@ def ordered(pairs: Sequence[Pair], unit: str = "") -> Finding:
     wrong = sum(s and not r for r, s in zip(right, sure, strict=True))
     if wrong:
         verdict = Verdict.REFUTED
-        lead = f"{_share(wrong, len(pairs))} significantly the other way"
+        lead = f"{_of(wrong, len(pairs))} significantly the other way"
     elif all(right) and all(sure):
-        verdict, lead = Verdict.REPRODUCED, f"{_share(len(pairs), len(pairs))} significantly so"
+        verdict, lead = Verdict.REPRODUCED, f"{_of(len(pairs), len(pairs))} significantly so"
     elif all(right):
         verdict = Verdict.DIRECTION
-        lead = f"all go the way stated, but only {_share(sum(sure), len(pairs))} significantly so"
+        but = f"{'only ' if any(sure) else ''}{_also(sum(sure), len(pairs))} significantly so"
+        lead = f"{_of(len(pairs), len(pairs))} the way stated, but {but}"
     else:
         verdict = Verdict.NOT_REPRODUCED
-        lead = f"{_share(sum(right), len(pairs))} the way stated"
+        lead = f"{_of(sum(right), len(pairs))} the way stated"
     told = "; ".join(
         f"{pair} (difference {number(t.difference, (t.high - t.low) / 2, sign=True)}, "
         f"95% interval {span(t.low, t.high)}, {probability(p)})"
@@ -127,7 +128,7 @@ def ordered(pairs: Sequence[Pair], unit: str = "") -> Finding:
     )
     return Finding(
         verdict,
-        f"Of {len(pairs)} comparisons {lead} (Welch, Holm; {_runs(pairs)}{_in(unit)}): {told}.",
+        f"{lead} (Welch, Holm; {_runs(pairs)}{_in(unit)}): {told}.",
         {str(p.where or p.names): t.difference for p, t in zip(pairs, tests, strict=True)},
     )
 
@@ -166,9 +167,9 @@ def equivalent(
     lead, shown = _clearest(pairs, [1 - p for p in p_differ])
     return Finding(
         verdict,
-        f"Of {len(pairs)} comparisons {_share(equal, len(pairs))} equivalent within {margin:.0%} "
-        f"(two one-sided tests) and {_share(differ, len(pairs))} significantly different (Welch, "
-        f"Holm; {_runs(pairs)}{_in(unit)}; without any difference the tests would find equivalence "
+        f"{_of(equal, len(pairs))} equivalent within {margin:.0%} (two one-sided tests) and "
+        f"{_also(differ, len(pairs))} significantly different (Welch, Holm; "
+        f"{_runs(pairs)}{_in(unit)}; without any difference the tests would find equivalence "
         f"in {min(powers):.0%} of samples or more); {lead}{'; '.join(map(str, shown))}.",
         {"equivalent": equal, "different": differ, "power": min(powers)},
     )
@@ -204,7 +205,7 @@ def differ_but_one(pairs: Sequence[Pair], alike: Pair, margin: float = 0.05) -> 
     return Finding(
         verdict,
         f"Of the {len(pairs)} pairs said to differ {apart} do significantly (Welch, Holm; "
-        f"{_runs(pairs)}) and {wrong} {'is' if wrong == 1 else 'are'} equivalent within "
+        f"{_runs(pairs)}) and {_are(wrong)} equivalent within "
         f"{margin:.0%}. The pair said to be alike: {alike}, "
         f"{'equivalent' if close[-1] else 'not shown to be equivalent'}.",
         {"apart": apart, "wrongly_alike": wrong, "alike": float(close[-1])},
@@ -254,8 +255,8 @@ def no_greater(
         verdict = Verdict.REFUTED
     return Finding(
         verdict,
-        f"Of {len(pairs)} comparisons {_share(bounded, len(pairs))} shown to be greater by at most "
-        f"{margin:.0%} (one-sided Welch) and {_share(greater, len(pairs))} significantly greater "
+        f"{_of(bounded, len(pairs))} shown to be greater by at most {margin:.0%} (one-sided "
+        f"Welch) and {_also(greater, len(pairs))} significantly greater "
         f"{'by more than that ' if tolerant else ''}(Welch, corrected for their number; "
         f"{_runs(pairs)}{_in(unit)}); {lead}{'; '.join(map(str, shown))}.",
         {"bounded": bounded, "greater": int(greater)},
@@ -298,7 +299,7 @@ def positive(contrasts: Mapping[str, tuple[float, float]], what: str) -> Finding
         parts = [f"the least, {parts[estimate.argmin()]}", f"the most, {parts[estimate.argmax()]}"]
     return Finding(
         verdict,
-        f"{what}: {'; '.join(parts)}; {_share(int((sure & (estimate > 0)).sum()), len(p))} "
+        f"{what}: {'; '.join(parts)}; {_are(int((sure & (estimate > 0)).sum()))} "
         "significantly above 0 (z, Holm).",
         {where: float(e) for where, (e, _) in contrasts.items()},
     )
@@ -367,7 +368,7 @@ def within(values: Mapping[str, float], low: float, high: float, what: str) -> F
     told = several(f"{number(v)} ({setting})" for setting, v in values.items())
     return Finding(
         Verdict.REPRODUCED if inside == len(values) else Verdict.NOT_REPRODUCED,
-        f"{what}: {told}; {_share(inside, len(values))} between {number(low)} and {number(high)}.",
+        f"{what}: {told}; {_are(inside)} between {number(low)} and {number(high)}.",
         dict(values),
     )
 
@@ -392,18 +393,34 @@ def share_at_least(
     enough = len(where) >= share * len(held)
     some = Verdict.DIRECTION if direction and where else Verdict.NOT_REPRODUCED
     named = f" ({'; '.join(where)})" if 0 < len(where) < len(held) else ""
+    in_so_many = f"{len(where) or 'none'} of {len(held)}"
+    if len(where) == len(held):
+        in_so_many = f"all {len(held)}"
     return Finding(
         Verdict.REPRODUCED if enough else some,
-        f"{what} in {_share(len(where), len(held), verb=False)}{named}.",
+        f"{what} in {in_so_many}{named}.",
         {"held": len(where), "of": len(held)},
     )
 
 
-def _share(k: int, n: int, *, verb: bool = True) -> str:
-    """``3 of 5 are``, ``all 5 are``, ``none is``; without the verb ``3 of 5``."""
-    if not verb:
-        return f"all {n}" if k == n else f"{k} of {n}" if k else f"none of {n}"
-    return "none is" if not k else f"{k} {'is' if k == 1 else 'are'}"
+def _of(k: int, n: int) -> str:
+    """``Of 5 comparisons 3 are``, ``Both comparisons are``, ``The one comparison is not``."""
+    if n == 1:
+        return f"The one comparison {_also(k, n)}"
+    every = "Both comparisons are" if n == 2 else f"All {n} comparisons are"
+    return every if k == n else f"Of {n} comparisons {_also(k, n)}"
+
+
+def _also(k: int, n: int) -> str:
+    """The same after a first clause that counts them: ``3 are``; of one, ``is`` or ``is not``."""
+    if n == 1:
+        return "is" if k else "is not"
+    return _are(k)
+
+
+def _are(k: int) -> str:
+    """``3 are``, ``1 is``, ``none is``."""
+    return f"{k} {'is' if k == 1 else 'are'}" if k else "none is"
 
 
 def _runs(pairs: Sequence[Pair]) -> str:

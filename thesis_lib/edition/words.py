@@ -19,16 +19,6 @@ _SYMBOLS = (
     (r"(?<![\w.)\]-])-(?=\.?\d)", "−"),
     *((rf"\b{name}\b(?= (?:= )?\.?\d)", sign) for name, sign in _GREEK.items()),
     (r"\bthe 1 (task|robot)s\b", r"the one \1"),
-    (r"\b(Of 1 comparisons [^()]*\([^()]*\)) and 1 is\b", r"\1 and is"),
-    (r"\b(Of 1 comparisons [^()]*\([^()]*\)) and none is\b", r"\1 and is not"),
-    (r"\bOf 1 comparisons 1 is\b", "The one comparison is"),
-    (r"\bOf 1 comparisons none is\b", "The one comparison is not"),
-    (
-        r"\bOf 1 comparisons all go\b(.*?), but only none is\b",
-        r"The one comparison goes\1, but is not",
-    ),
-    (r"\bbut only none is\b", "but none is"),
-    (r"\bOf (\d+) comparisons \1 are\b", r"All \1 comparisons are"),
 )
 """What a program writes, and what a person would."""
 

@@ -2,7 +2,7 @@ r"""FS-TEK (algorithm 7), its parts BKR and FR (algorithms 8, 9), and IBKR (sect
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Literal
 
 import numpy as np
@@ -32,6 +32,8 @@ from thesis_lib.selection.fitting import (
     fit_inverse,
     student_tail,
 )
+
+Curves = Callable[[FeatureCells, int], FloatArray]
 
 
 def bkr(
@@ -69,8 +71,8 @@ def bkr(
     """
     base = ground(solutions)
     cells = base.keep(np.flatnonzero(~solutions.mask(removed)).tolist())
-    curves = _Curves(base, max_seqs, [k], generator(rng))
-    return np.array([curves(cells.drop(i))[0] for i in cells.features])
+    curves = _Combinations(base, max_seqs, [k], generator(rng))
+    return np.array([curves(cells, i)[0] for i in cells.features])
 
 
 def fr(solutions: Solutions, features: Iterable[str | int]) -> float:
@@ -183,14 +185,15 @@ class FSTEK(BackwardElimination):
         outside = level if self.alpha_is == "significance" else 1 - level
         outside = outside / 2 if self.tail == "two-sided" else outside
         quantile = student_tail(outside, n - 3) if n > 3 else 0.0
-        curves = _Curves(call.ground, self.max_seqs, range(1, n + 1), generator(self.random_state))
+        curves = self._curves(call)
+        affine = call.ground.shared and self.max_seqs is None
 
         def test(cells: FeatureCells, candidates: list[int]) -> Iterable[Check]:
             for feature in candidates:
-                curve = curves(cells.drop(feature))
+                curve = curves(cells, feature)
                 if np.ptp(curve) <= call.zero:
                     yield self._judge_flat(feature, curve, call.zero)
-                elif curves.affine:
+                elif affine:
                     # The law gives the curve, and the fit to it is that to 1/k, scaled.
                     slope = (curve[0] - curve[-1]) * n / (n - 1)
                     fit = fit_inverse(n).scaled(curve[0] - slope, slope)
@@ -199,6 +202,11 @@ class FSTEK(BackwardElimination):
                     yield self._judge(feature, curve, fit_exponential(curve), quantile)
 
         return test
+
+    def _curves(self, call: Call) -> Curves:
+        """What gives the k-relevances, k = 1 to n, of a feature that cells still tell apart."""
+        lengths = range(1, call.solutions.n_tasks + 1)
+        return _Combinations(call.ground, self.max_seqs, lengths, generator(self.random_state))
 
     def _judge_flat(self, feature: int, curve: FloatArray, zero: float) -> Check:
         value = float(curve[-1])
@@ -301,8 +309,8 @@ class IBKR(BackwardElimination):
         return test
 
 
-class _Curves:
-    """Mean relevance of an abstraction over combinations of k tasks, for several k.
+class _Combinations:
+    """Mean relevance of a feature over combinations of k tasks, for several k.
 
     Combinations are drawn once, as the text says its implementation does.
     """
@@ -323,7 +331,6 @@ class _Curves:
             sizes = np.array([len(rows) for rows in drawn])
             self.starts = np.cumsum(sizes) - sizes
             self.sizes = sizes
-        self.affine = base.shared and max_seqs is None
         self.base = self._explained(base)
 
     def _explained(self, cells: Cells) -> FloatArray:
@@ -332,5 +339,5 @@ class _Curves:
         values = explained_sequences(cells, self.counts)
         return np.add.reduceat(values, self.starts) / self.sizes
 
-    def __call__(self, cells: Cells) -> FloatArray:
-        return self.base - self._explained(cells)
+    def __call__(self, cells: FeatureCells, feature: int) -> FloatArray:
+        return self.base - self._explained(cells.drop(feature))
