@@ -62,8 +62,9 @@ class Policy:
     "ch2-learning",
     item="Algorithms 5 and 6",
     smoke=Config(iterations=3, runs=2, batch_steps=200),
-    book=Config(),
-    seconds=29,
+    book=Config(runs=6),
+    thesis=Config(),
+    seconds=18,
     was="section-2.3.5-learning",
 )
 def curves(config: Config, context: Context) -> list[Policy]:

@@ -78,8 +78,9 @@ class Outcome:
     smoke=Config(
         vpg=(0.01, 0.1), natural=(0.2, 1.0), trpo=(0.05,), iterations=2, runs=2, batch_steps=200
     ),
-    book=Config(),
-    seconds=50,
+    book=Config(runs=6),
+    thesis=Config(),
+    seconds=30,
     was="section-2.3.5-settings",
 )
 def outcomes(config: Config, context: Context) -> list[Outcome]:

@@ -80,8 +80,9 @@ class Return(Returns):
         sarsa_steps=2000,
         mu=MuSearch(restarts=1),
     ),
-    book=Config(),
-    seconds=57,
+    book=Config(repeats=3),
+    thesis=Config(),
+    seconds=35,
 )
 def by_alpha(config: Config, context: Context) -> list[Return]:
     """Return on the continuing cliff over the learning rate, by potential and learner."""

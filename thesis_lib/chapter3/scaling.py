@@ -69,8 +69,9 @@ class Return(Returns):
     "ch3-scaling",
     item="Section 3.6, scaling the potential",
     smoke=Config(domains=("triangle",), factors=(0.0, 1.0), repeats=1, mu=MuSearch(restarts=1)),
-    book=Config(),
-    seconds=23,
+    book=Config(repeats=15),
+    thesis=Config(),
+    seconds=14,
     was="section-3.6-scaling",
 )
 def scaled(config: Config, context: Context) -> list[Return]:

@@ -68,8 +68,9 @@ class Return:
     "ch3-two-values",
     item="Section 3.6, two value functions at once",
     smoke=Config(domains=("triangle",), steps=(100,), repeats=2, n_sources=2),
-    book=Config(),
-    seconds=23,
+    book=Config(repeats=5),
+    thesis=Config(),
+    seconds=12,
     was="section-3.6-two-values",
 )
 def learned_on_the_side(config: Config, context: Context) -> list[Return]:

@@ -99,8 +99,9 @@ class Return(Returns):
     "ch3-weights",
     item="Section 3.3.6, the choice of p(x|m)",
     smoke=Config(domains=("triangle",), repeats=1, learning_steps=200, mu=MuSearch(restarts=1)),
-    book=Config(),
-    seconds=17,
+    book=Config(repeats=30),
+    thesis=Config(),
+    seconds=11,
     was="section-3.3.6",
 )
 def compared(config: Config, context: Context) -> list[Return]:

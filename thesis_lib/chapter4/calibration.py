@@ -69,9 +69,9 @@ class Kept:
     "ch4-calibration",
     item="Jackknife F (calibration)",
     smoke=Config(runs=5, tasks_seen=(4,), alphas=(0.05,), effects=(1.0,), levels=(2,)),
-    book=Config(runs=200),
+    book=Config(runs=100),
     thesis=Config(runs=2000),
-    seconds=21,
+    seconds=11,
     was="selector-calibration",
 )
 def kept(config: Config, context: Context) -> list[Kept]:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from thesis_lib.chapter4.random_domains import SMOKE, WEIGHTS, Config, random_curves
+from thesis_lib.chapter4.random_domains import BOOK, SMOKE, WEIGHTS, Config, random_curves
 from thesis_lib.edition.criteria import judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, criterion
@@ -34,7 +34,7 @@ class Distance:
     """Number of random domains."""
 
 
-@experiment("corollary-1", item="Corollary 1", smoke=SMOKE, book=Config(), seconds=20)
+@experiment("corollary-1", item="Corollary 1", smoke=SMOKE, book=BOOK, thesis=Config(), seconds=6)
 def distances(config: Config, context: Context) -> list[Distance]:
     """Distance of k-relevance from domain relevance, over k, in random domains."""
     records = []

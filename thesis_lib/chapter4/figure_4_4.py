@@ -59,7 +59,7 @@ class Config:
 
 SMALL = Protocol(runs=2, tests=1, tasks_seen=(1, 2, 4), methods=METHODS)
 SMOKE, THESIS = Config(protocol=SMALL), Config()
-BOOK = replace(THESIS, protocol=replace(THESIS.protocol, runs=200))
+BOOK = replace(THESIS, protocol=replace(THESIS.protocol, runs=120))
 
 
 def measured(config: Config, context: Context) -> list[dict[str, Any]]:
@@ -78,7 +78,7 @@ def measured(config: Config, context: Context) -> list[dict[str, Any]]:
     return measure(solved, *sizes, context, 1)
 
 
-@experiment("figure-4.4", item="Figure 4.4", smoke=SMOKE, book=BOOK, thesis=THESIS, seconds=32)
+@experiment("figure-4.4", item="Figure 4.4", smoke=SMOKE, book=BOOK, thesis=THESIS, seconds=20)
 def with_q_star(config: Config, context: Context) -> list[Selected]:
     """Feature selection on the cliff with Q* as potential."""
     return [Selected(**fields) for fields in measured(config, context)]
@@ -90,7 +90,7 @@ def with_q_star(config: Config, context: Context) -> list[Selected]:
     smoke=replace(SMOKE, target="Q_tilde"),
     book=replace(BOOK, target="Q_tilde"),
     thesis=replace(THESIS, target="Q_tilde"),
-    seconds=32,
+    seconds=20,
 )
 def with_q_tilde(config: Config, context: Context) -> list[Selected]:
     """Feature selection on the cliff with Q~ as potential."""

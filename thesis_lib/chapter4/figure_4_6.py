@@ -67,9 +67,9 @@ class StockSelected(Selected):
     "figure-4.6",
     item="Figure 4.6",
     smoke=Config(global_factors=(1, 4), protocol=SMALL),
-    book=Config(protocol=Protocol(runs=100)),
+    book=Config(protocol=Protocol(runs=60)),
     thesis=Config(),
-    seconds=42,
+    seconds=26,
 )
 def by_factors(config: Config, context: Context) -> list[StockSelected]:
     """Feature selection on stock trading with 1 to 5 global factors."""

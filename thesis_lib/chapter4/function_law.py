@@ -96,9 +96,9 @@ def points_on_a_curve(
     "ch4-function-law",
     item="Section 4.5 (law)",
     smoke=Config(longest=3, hidden=(2,), seeds=1),
-    book=Config(),
+    book=Config(seeds=2),
     thesis=Config(seeds=20),
-    seconds=35,
+    seconds=18,
     was="function-law",
 )
 def curves(config: Config, context: Context) -> list[Point]:

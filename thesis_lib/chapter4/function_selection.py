@@ -121,9 +121,9 @@ class Selected(Rated):
     "ch4-function-selection",
     item="Section 4.5 (selection)",
     smoke=SMALL,
-    book=Config(),
+    book=Config(runs=60, wide_runs=8),
     thesis=Config(runs=500, wide_runs=100),
-    seconds=90,
+    seconds=60,
     was="function-selection",
     claims_read={"tasks_seen": (16,), "tests": 1},
 )

@@ -94,9 +94,9 @@ class Reading(Rated):
     "ch4-joint-search",
     item="FS-TEK as printed (triangle)",
     smoke=Config(max_seqs=(5, 0), intervals=("curve",), tasks_seen=(5,), runs=2, tests=2),
-    book=Config(),
+    book=Config(runs=60),
     thesis=Config(runs=500),
-    seconds=32,
+    seconds=20,
     was="fs-tek-joint-search",
 )
 def readings(config: Config, context: Context) -> list[Reading]:

@@ -125,9 +125,9 @@ class Prediction(Kept):
     "ch4-prediction",
     item="Selection as prediction",
     smoke=Config(domains=("triangle", "stock G = 1"), tasks_seen=(4,), runs=2, tests=2),
-    book=Config(),
+    book=Config(runs=25),
     thesis=Config(runs=300),
-    seconds=36,
+    seconds=23,
     was="selection-as-prediction",
 )
 def predictions(config: Config, context: Context) -> list[Prediction]:

@@ -205,9 +205,9 @@ HEAT: Mapping[str, Callable[[Context], Setting]] = {
     "ch4-predictors",
     item="Figures 4.3 to 4.6, with the selectors that predict",
     smoke=Config(("triangle", "stock, G = 4"), tasks_seen=(3, 5), runs=2, tests=1),
-    book=Config(tuple(TABLES)),
+    book=Config(tuple(TABLES), runs=20),
     thesis=Config(tuple(TABLES), runs=500),
-    seconds=40,
+    seconds=20,
 )
 def on_tables(config: Config, context: Context) -> list[Predicted]:
     """Cross-validation and shrinkage in the experiments of figures 4.3 to 4.6."""
@@ -218,9 +218,9 @@ def on_tables(config: Config, context: Context) -> list[Predicted]:
     "ch4-predictors-heat",
     item="Figures 4.7 and 4.8, with the selectors that predict",
     smoke=Config(("heat, noise 0.02",), tasks_seen=(3,), runs=2, tests=1),
-    book=Config(tuple(HEAT), runs=20),
+    book=Config(tuple(HEAT), runs=10),
     thesis=Config(tuple(HEAT), runs=500),
-    seconds=40,
+    seconds=20,
 )
 def on_heat(config: Config, context: Context) -> list[Predicted]:
     """Cross-validation and shrinkage in the experiments of figures 4.7 and 4.8."""

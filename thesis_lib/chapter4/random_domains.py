@@ -45,6 +45,7 @@ class Config:
 
 
 SMOKE = Config(domains=8, longest=5, brute_force=2)
+BOOK = Config(domains=500, brute_force=30)
 
 
 @dataclass(frozen=True)

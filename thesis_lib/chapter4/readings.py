@@ -64,9 +64,9 @@ class Rates(Kept):
     "ch4-readings",
     item="Figure 4.3 (readings)",
     smoke=Config(runs=2, tasks_seen=(5,)),
-    book=Config(),
+    book=Config(runs=150),
     thesis=Config(runs=500),
-    seconds=35,
+    seconds=18,
     was="figure-4.3-readings",
 )
 def by_reading(config: Config, context: Context) -> list[Rates]:

@@ -86,9 +86,9 @@ class Place(Placed):
     "ch4-roc",
     item="Jackknife F (ROC)",
     smoke=Config(runs=2, tasks_seen=(4,), domains=("triangle", "random MDP a")),
-    book=Config(runs=100),
+    book=Config(runs=50),
     thesis=Config(runs=500),
-    seconds=50,
+    seconds=26,
     was="selector-roc",
 )
 def places(config: Config, context: Context) -> list[Place]:

@@ -70,8 +70,9 @@ class Kept:
     "ch4-scatter",
     item="Jackknife F (scatter)",
     smoke=Config(laws=("gaussian", "sign"), tasks_seen=(4,), runs=10),
-    book=Config(),
-    seconds=16,
+    book=Config(runs=200),
+    thesis=Config(),
+    seconds=9,
     was="selector-scatter",
 )
 def kept(config: Config, context: Context) -> list[Kept]:

@@ -143,9 +143,9 @@ class Window:
         resamples=5,
         domains=("small stock", "small meadow"),
     ),
-    book=Config(runs=100),
+    book=Config(runs=100, windows=60),
     thesis=Config(runs=500),
-    seconds=45,
+    seconds=24,
     was="task-relevance-learning",
 )
 def windows(config: Config, context: Context) -> list[Window]:

@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pandas as pd
 
-from thesis_lib.chapter4.random_domains import ROUNDING, SMOKE, WEIGHTS, Config, random_curves
+from thesis_lib.chapter4.random_domains import BOOK, ROUNDING, SMOKE, WEIGHTS, Config, random_curves
 from thesis_lib.edition.criteria import judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
@@ -35,7 +35,7 @@ class Steps:
     """Largest difference from the sum over all sequences, k up to 4."""
 
 
-@experiment("theorem-2", item="Theorem 2", smoke=SMOKE, book=Config(), seconds=15)
+@experiment("theorem-2", item="Theorem 2", smoke=SMOKE, book=BOOK, thesis=Config(), seconds=5)
 def steps(config: Config, context: Context) -> list[Steps]:
     """Whether steps of k-relevance contract, and the law they follow, in random domains."""
     records = []

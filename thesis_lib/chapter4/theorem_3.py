@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from thesis_lib.chapter4.random_domains import ROUNDING, SMOKE, Config, random_curves
+from thesis_lib.chapter4.random_domains import BOOK, ROUNDING, SMOKE, Config, random_curves
 from thesis_lib.edition.criteria import judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
@@ -30,7 +30,7 @@ class Monotone:
     """Share in which it does both."""
 
 
-@experiment("theorem-3", item="Theorem 3", smoke=SMOKE, book=Config(), seconds=21)
+@experiment("theorem-3", item="Theorem 3", smoke=SMOKE, book=BOOK, thesis=Config(), seconds=6)
 def directions(config: Config, context: Context) -> list[Monotone]:
     """In what share of random domains k-relevance is monotone, and which way."""
     records = []

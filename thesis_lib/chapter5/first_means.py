@@ -57,8 +57,8 @@ class Size:
     "ch5-first-means",
     item="Section 5.4",
     smoke=Config(("Hopper",), ("ffwd", "dtrnn", "ctrnn", "esn"), 1, 50),
-    book=Config(seeds=2),
-    seconds=23,
+    book=Config(seeds=1),
+    seconds=12,
     was="section-5.4-first-means",
 )
 def sizes(config: Config, context: Context) -> list[Size]:

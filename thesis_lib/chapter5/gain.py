@@ -116,8 +116,9 @@ class Point:
     "ch5-gain",
     item="Section 5.2",
     smoke=Config(seeds=1, steps=2048, segment=256),
-    book=Config(),
-    seconds=36,
+    book=Config(steps=2**14),
+    thesis=Config(),
+    seconds=19,
     was="section-5.2-gain",
 )
 def untrained(config: Config, context: Context) -> list[Point]:

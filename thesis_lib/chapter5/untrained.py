@@ -144,9 +144,9 @@ class Episode:
     "ch5-untrained",
     item="Section 5.1",
     smoke=Config(n_episodes=3, horizon=40, grounds=("plane", "hills 1.0")),
-    book=Config(n_episodes=20),
+    book=Config(n_episodes=10),
     thesis=Config(n_episodes=400),
-    seconds=22,
+    seconds=12,
     was="baseline-5.1",
 )
 def episodes(config: Config, context: Context) -> list[Episode]:

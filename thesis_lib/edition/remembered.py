@@ -11,7 +11,7 @@ from functools import lru_cache, wraps
 from pathlib import Path
 from typing import Any, TypeVar
 
-from thesis_lib.checkout import cache_folders, environment
+from thesis_lib.checkout import cache_folders, environment, repository_root
 from thesis_lib.edition.reach import digest, place
 from thesis_lib.files import replacing, writable_directory
 
@@ -24,7 +24,7 @@ def remembered(kind: type[RecordT]) -> Callable[[Callable[..., RecordT]], Callab
     It is made anew for another argument, after a change of a definition that the function
     reaches, and with other versions of the packages.  Two processes that ask at once make it
     once.  It lies in the checkout's ``_build`` or the user's cache, and where neither can be
-    written to each process makes it again.
+    written to each process makes it again; what the book needs is :func:`committed`.
 
     Parameters
     ----------
@@ -38,22 +38,36 @@ def remembered(kind: type[RecordT]) -> Callable[[Callable[..., RecordT]], Callab
         @wraps(function)
         def recalled(*args: Any) -> RecordT:
             state = digest([place(recalled)], repr(args), repr(environment()["versions"]))
-            file = _file(f"{function.__name__}-{state}.json")
+            name = f"{function.__name__}-{state}.json"
+            if (made := _read(committed() / name, kind)) is not None:
+                return made
+            file = _file(name)
             if file is None:
                 return function(*args)
             with _alone(file.with_suffix(".lock")):
-                try:
-                    kept: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-                    return kind(**{k: _tuples(v) for k, v in kept.items()})
-                except (OSError, ValueError, TypeError):  # not there, or damaged
+                if (made := _read(file, kind)) is None:
                     made = function(*args)
                     with replacing(file) as temporary:
                         temporary.write_text(json.dumps(asdict(made)), encoding="utf-8")  # type: ignore[call-overload]
-                    return made
+                return made
 
         return recalled
 
     return decorate
+
+
+def committed() -> Path:
+    """Folder of what the book needs and takes minutes to make: copies out of ``_build``."""
+    return repository_root() / "results" / "remembered"
+
+
+def _read(file: Path, kind: type[RecordT]) -> RecordT | None:
+    """A kept result, or None for one that is not there or damaged."""
+    try:
+        kept: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        return kind(**{k: _tuples(v) for k, v in kept.items()})
+    except (OSError, ValueError, TypeError):
+        return None
 
 
 def _file(name: str) -> Path | None:
