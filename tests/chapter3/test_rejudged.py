@@ -180,6 +180,16 @@ def test_averaged_weights_by_hand() -> None:
     assert found.verdict is Verdict.REFUTED
 
 
+def test_averaged_weights_have_least_error_where_no_features_overlap() -> None:
+    """Then (3.3) falls apart by feature, and each part is least at a mean."""
+    p = np.array([[0.5, 0.5], [0.25, 0.75]])
+    found = shaping.against_least_squares(np.eye(2), np.array([[1.0, 1.0], [3.0, 5.0]]), p)
+    assert found.verdict is Verdict.REPRODUCED
+    # Feature 1: weights 1 and 3 met .5 and .25 of the time, mean 5/3: (.5 (2/3)^2 + .25 (4/3)^2)/2;
+    # feature 2: 1 and 5 met .5 and .75, mean 3.4: (.5 2.4^2 + .75 1.6^2)/2.
+    assert found.numbers["printed"] == pytest.approx(1 / 3 + 2.4)
+
+
 def test_power_by_hand() -> None:
     """Two samples of 12 whose means lie 1.2 standard deviations apart: textbooks say .80."""
     rows = [{"potential": p, "mean_return": m} for p, m in (("Q_star", 0.0), ("Q_mu", 1.2))]
