@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
+import inspect
+from itertools import product
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 import torch
 
-from thesis_lib.chapter5 import first_means, gain_trained, gaits, live, memory, options
+from thesis_lib.chapter5 import (
+    first_means,
+    gain_trained,
+    gaits,
+    live,
+    memory,
+    open_loop,
+    open_loop_tests,
+    options,
+)
 from thesis_lib.chapter5.gaits import gait_frequency
 from thesis_lib.chapter5.networks import GAIT, gain_shares, untrained_net
 from thesis_lib.chapter5.open_loop import NAME, Search, find_gait
+from thesis_lib.edition import remembered
 from thesis_lib.edition.experiment import Context
 from thesis_lib.edition.ledger import Verdict
+from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.optimisation import collect
 from thesis_lib.policies import make_policy
 from thesis_lib.policies.response import growth_at_rest
@@ -40,6 +55,22 @@ def test_a_gait_needs_time() -> None:
     with pytest.raises(ValueError, match="too few"):
         gait_frequency(np.zeros((399, 2)), 0.02)
     gait_frequency(np.random.default_rng(0).standard_normal((400, 2)), 0.02)
+
+
+def test_what_the_book_searches_is_committed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Made by the present code: the cheapest is searched again, none is missing or left over."""
+    monkeypatch.setattr(remembered, "cache_folders", lambda: iter(()))
+    read: list[Path] = []
+    found = remembered._read
+    monkeypatch.setattr(remembered, "_read", lambda f, k: read.append(f) or found(f, k))
+    search = open_loop_tests.runs.budgets["book"].search
+    for robot, index in product(ROBOTS, range(gaits.episodes.budgets["book"].searches)):
+        with monkeypatch.context() as patched:
+            patched.setattr(open_loop, "run_episodes", None)  # a search would fail
+            gait = find_gait.__wrapped__(robot, search, 0, index)  # type: ignore[attr-defined]
+        if (robot, index) == ("Hopper", 0):
+            assert inspect.unwrap(find_gait)(robot, search, 0, index) == gait
+    assert set(read) == set(remembered.committed().glob("*.json"))
 
 
 def test_joints_swing_as_the_gait_says() -> None:
