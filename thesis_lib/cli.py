@@ -157,7 +157,7 @@ class Claims:
 
         out = writable_directory(self.out or repository_root() / "_build" / "claims")
         chosen = select(claims(), self.only)
-        for part in roots.parts(chosen):
+        for part in roots.parts(chosen, roots.TOGETHER if self.workers > 1 else 0.0):
             judged = roots.judge_over(
                 part,
                 self.seeds,

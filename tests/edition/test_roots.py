@@ -106,6 +106,10 @@ def test_claims_that_share_evidence_are_judged_together_the_cheapest_first(known
     assert roots.parts([often, sure, seldom]) == [[sure], [often, seldom]]
     both = replace(sure, id="both", experiments=("drawn", "fixed"))
     assert roots.parts([often, sure, both]) == [[often, sure, both]]
+    # What "fixed" takes, and no more, may wait for "drawn".
+    enough = known["fixed"].seconds
+    assert roots.parts([often, sure, seldom], enough) == [[sure], [often, seldom]]
+    assert roots.parts([often, sure, seldom], enough + 1) == [[sure, often, seldom]]
 
 
 def test_what_no_claim_reads_is_left_out(tmp_path, known):

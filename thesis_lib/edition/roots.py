@@ -112,6 +112,9 @@ class Job:
 POOL_PAYS = 30.0
 """Seconds of work from which on several processes are started for it."""
 
+TOGETHER = 120.0
+"""Seconds of evidence a root that several processes make before its claims are judged and kept."""
+
 
 def make(jobs: Sequence[Job], workers: int, say: Callable[[str], None]) -> None:
     """Make the tables that are missing, in processes of their own if there are several workers."""
@@ -121,7 +124,7 @@ def make(jobs: Sequence[Job], workers: int, say: Callable[[str], None]) -> None:
         seconds = (job.provenance() or {}).get("wall_seconds", 0.0)
         say(f"{job.experiment}, root {job.root}: {seconds:.0f} s ({done} of {len(missing)})")
 
-    work = sum(_experiments()[job.experiment].seconds for job in missing)
+    work = _seconds(job.experiment for job in missing)
     if workers == 1 or work < POOL_PAYS:
         for done, job in enumerate(missing, 1):
             report(job(), done)
@@ -176,8 +179,17 @@ class Judged:
     findings: Mapping[int, Finding]
 
 
-def parts(claims: Iterable[Claim]) -> list[list[Claim]]:
-    """Claims in groups that share no evidence, the cheapest to make first."""
+def parts(claims: Iterable[Claim], together: float = 0.0) -> list[list[Claim]]:
+    """Claims in groups that share no evidence, the cheapest to make first.
+
+    Parameters
+    ----------
+    claims
+        Which.
+    together
+        Groups whose evidence takes less than so many seconds a root are joined: with one table at
+        a time to make, all processes but one would wait.
+    """
     groups: list[tuple[set[str], list[Claim]]] = []
     for claim in claims:
         own = set(claim.experiments)
@@ -185,8 +197,19 @@ def parts(claims: Iterable[Claim]) -> list[list[Claim]]:
         groups = [g for g in groups if not g[0] & own]
         members = [c for _, those in shared for c in those]
         groups.append((own.union(*(e for e, _ in shared)), [*members, claim]))
-    groups.sort(key=lambda g: sum(_experiments()[e].seconds for e in g[0]))
-    return [members for _, members in groups]
+    groups.sort(key=lambda g: _seconds(g[0]))
+    joined = groups[:1]
+    for needed, members in groups[1:]:
+        before = joined[-1]
+        if _seconds(before[0]) < together:
+            joined[-1] = (before[0] | needed, [*before[1], *members])
+        else:
+            joined.append((needed, members))
+    return [members for _, members in joined]
+
+
+def _seconds(experiments: Iterable[str]) -> float:
+    return sum(_experiments()[e].seconds for e in experiments)
 
 
 def judge_over(
