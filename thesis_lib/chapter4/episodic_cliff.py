@@ -27,7 +27,7 @@ class Config:
         default_factory=lambda: figure_4_4.Config(
             cliff="episodic",
             learner=SETTINGS["episodic cliff with sensor"].learners[0],
-            protocol=Protocol(runs=150, tasks_seen=(1, 2, 3, 4, 5, 8, 12), methods=METHODS),
+            protocol=Protocol(runs=100, tasks_seen=(1, 2, 3, 4, 5, 8, 12), methods=METHODS),
         )
     )
     """With Q*; the same is run with Q~."""
@@ -53,7 +53,7 @@ SMOKE = figure_4_4.Config(
     item="Figures 4.4 and 4.5 on the episodic cliff",
     smoke=Config(SMOKE),
     book=Config(),
-    seconds=22,
+    seconds=15,
     was="figure-4.4-episodic",
 )
 def with_either(config: Config, context: Context) -> list[PotentialSelected]:

@@ -53,7 +53,7 @@ class HeatSelected(Selected):
     """Mean total reward of these episodes of a test task, over runs."""
 
 
-@experiment("figure-4.7", item="Figure 4.7", smoke=SMOKE, book=BOOK, thesis=Config(), seconds=60)
+@experiment("figure-4.7", item="Figure 4.7", smoke=SMOKE, book=BOOK, thesis=Config(), seconds=48)
 def by_episodes(config: Config, context: Context) -> list[HeatSelected]:
     """Feature selection on the heat domain: return of the first episodes, and by episode."""
     records = []

@@ -41,7 +41,7 @@ class Place(Placed):
     """Mean number of features the selector is unsure about, and keeps."""
 
 
-@experiment("figure-4.8", item="Figure 4.8", smoke=SMOKE, book=BOOK, thesis=Config(), seconds=26)
+@experiment("figure-4.8", item="Figure 4.8", smoke=SMOKE, book=BOOK, thesis=Config(), seconds=21)
 def places(config: Config, context: Context) -> list[Place]:
     """Feature selection on the heat domain: ROC space by sensor noise, over tasks seen."""
     records, protocol, truth = [], config.protocol, config.truth

@@ -73,7 +73,7 @@ SMOKE = Config(
     followed=8,
     followed_at=(3, 5),
 )
-BOOK = Config(protocol=Protocol(runs=30, tasks_seen=TASKS_SEEN))
+BOOK = Config(protocol=Protocol(runs=24, tasks_seen=TASKS_SEEN))
 
 
 def measure_heat(config: Config, space: HeatSpace, context: Context, test: bool) -> Run:
