@@ -62,7 +62,7 @@ def test_other_pages_quote_verdict_and_evidence() -> None:
 
 def test_findings_count_the_claims_of_the_thesis() -> None:
     text = ledger.findings_markdown([JUDGED, OWN])
-    assert "Of 1 claims that evidence decides: 1 refuted." in text
+    assert "Of the thesis's 1 claims on which evidence can bear: 1 refuted." in text
     assert "- The means are ours. [Refuted](#claim-3.4.1-numbers)." in text
 
 

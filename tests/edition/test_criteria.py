@@ -182,8 +182,11 @@ def test_numbers_in_words(text, expected):
             "commit 26e5f1, feature s1e1, `--step 1e-5`",
         ),
         ("after_next, $a_b$, {math}`x_yes` and Q_d", "after next, $a_b$, {math}`x_yes` and Q_d"),
-        ("k^2 |rho_k - rho_inf| from -0.00 to -0.01", "k² |ρₖ - ρ∞| from 0.00 to −0.01"),
+        ("k^2 |rho_k - rho_inf| from -0.00 to -0.01", "k² |ρₖ − ρ∞| from 0.00 to −0.01"),
         ("gamma 0.9 at alpha = .1, 2026-11-29 (-3)", "γ 0.9 at α = .1, 2026-11-29 (−3)"),
+        ("max(delta, epsilon), kappa = .8; by-alpha, `mu`", "max(δ, ε), κ = .8; by-alpha, `mu`"),
+        ("(k-1)/(k+1), b - U on 4 x 4", "(k − 1)/(k + 1), b − U on 4 × 4"),
+        ("-0.00000175 of 10.000001 and 0.001", "−1.75 × 10⁻⁶ of 10.000001 and 0.001"),
         ("with the 1 tasks as the unit p = nan.", "with the one task as the unit p not defined."),
     ],
 )

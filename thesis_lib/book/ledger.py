@@ -14,7 +14,7 @@ from thesis_lib.book.thesis_items import link
 from thesis_lib.edition import roots
 from thesis_lib.edition.ledger import MEANING, Difference, Judgement, Verdict
 from thesis_lib.edition.scoreboard import effect
-from thesis_lib.edition.words import plain
+from thesis_lib.edition.words import brief, plain, several
 
 _CLASSES = ("exact", "in all roots", "in most roots", "in no eight of ten", "waiting")
 
@@ -37,7 +37,8 @@ _CHAPTERS = {
 def quoted(judged: Iterable[Judgement]) -> str:
     """Verdict and evidence of every claim by id, as JSON, for the roles of other pages."""
     verdicts = {
-        j.claim.id: {"verdict": j.in_words(), "evidence": plain(j.finding.evidence)} for j in judged
+        j.claim.id: {"verdict": j.in_words(), "evidence": brief(plain(j.finding.evidence))}
+        for j in judged
     }
     return json.dumps(verdicts, indent=1, ensure_ascii=False) + "\n"
 
@@ -115,8 +116,8 @@ def differences_markdown(rows: Iterable[Difference], results: Path | str) -> str
 def findings_markdown(judged: Sequence[Judgement]) -> str:
     """The tally and the verdicts on the headline claims, for chapter 6."""
     tally = Counter(j.verdict for j in judged if _counts(j))
-    counts = ", ".join(f"{tally[v]} {v}" for v in Verdict if tally[v])
-    lines = [f"Of {tally.total()} claims that evidence decides: {counts}.", ""]
+    counts = several(f"{tally[v]} {v}" for v in Verdict if tally[v])
+    lines = [f"Of the thesis's {tally.total()} claims on which evidence can bear: {counts}.", ""]
     lines += [
         f"- {plain(j.claim.statement)} [{str(j.verdict).capitalize()}](#claim-{j.claim.id})."
         for j in judged
@@ -199,7 +200,7 @@ def _tally(judged: Iterable[Judgement]) -> list[str]:
             lines.append(f"| {mark} | {len(own)} | {often} |")
     return [
         *lines,
-        f"| all that evidence decides | {len(evidence)} | |",
+        f"| all on which evidence can bear | {len(evidence)} | |",
         "",
         f"Besides these, {identities} claims are proofs or arithmetic, which no experiment can "
         f"deny, {repeated} repeat or sum up others, and {ours} are our own.",

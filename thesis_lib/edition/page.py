@@ -43,7 +43,7 @@ from thesis_lib.edition.ledger import (
     finding,
 )
 from thesis_lib.edition.plots import use_style
-from thesis_lib.edition.words import plain
+from thesis_lib.edition.words import brief, plain
 from thesis_lib.imports import parsed
 
 #: First line of the cell in which papermill assigns the parameters it was given.
@@ -338,8 +338,8 @@ class Page:
         return str(self._judged(claim).verdict)
 
     def evidence(self, claim: str) -> str:
-        """The evidence for the verdict on a claim, in sentences."""
-        return self.finding(claim).evidence
+        """The evidence for the verdict on a claim, in sentences without their longest lists."""
+        return brief(self.finding(claim).evidence)
 
     table = staticmethod(table)
 
@@ -361,7 +361,7 @@ class Page:
         ]
         found = [self._judged(name) for name in wanted]
         return pd.DataFrame(
-            [(j.claim.statement, j.in_words(), j.finding.evidence) for j in found],
+            [(j.claim.statement, j.in_words(), brief(j.finding.evidence)) for j in found],
             columns=["claim", "verdict", "evidence"],
         )
 

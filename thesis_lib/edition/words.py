@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from itertools import takewhile
 
 import numpy as np
 
 _CODE = re.compile(r"(`[^`]*`|\$[^$]*\$|\{[^}]*\}|\]\([^)]*\))")
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_GREEK = {"alpha": "α", "gamma": "γ", "epsilon": "ε"}
+_GREEK = {
+    **{"alpha": "α", "gamma": "γ", "delta": "δ", "epsilon": "ε", "theta": "θ", "kappa": "κ"},
+    **{"lambda": "λ", "mu": "μ", "pi": "π", "rho": "ρ", "sigma": "σ", "tau": "τ"},
+}
 _SYMBOLS = (
     *((r"\brho_inf\b", "ρ∞"), (r"\brho_k\b", "ρₖ"), (r"\brho_1\b", "ρ₁"), (r"\^2\b", "²")),
     (r"\^mu\b", "^μ"),
@@ -17,10 +21,17 @@ _SYMBOLS = (
     (r"(?<![\w.])[-−](0\.0+)(?![\d.])", r"\1"),
     (r"\b([a-z]{2,})_([a-z]{3,})\b", r"\1 \2"),
     (r"(?<![\w.)\]-])-(?=\.?\d)", "−"),
-    *((rf"\b{name}\b(?= (?:= )?\.?\d)", sign) for name, sign in _GREEK.items()),
+    (r"\btheta_1\b", "θ₁"),
+    *((rf"(?<![\w^-]){name}(?![\w-])", sign) for name, sign in _GREEK.items()),
+    (r"(?<=\d) x (?=\d)", " × "),
+    (r"(?<=[\w)∞]) - (?=[\w(])", " − "),
+    (r"\((\w)-(\d)\)", r"(\1 − \2)"),
+    (r"\((\w)\+(\d)\)", r"(\1 + \2)"),
     (r"\bthe 1 (task|robot)s\b", r"the one \1"),
 )
 """What a program writes, and what a person would."""
+
+_NUMBER = re.compile(r"\d[\d,.]*")
 
 
 def number(value: float, error: float = 0.0, *, sign: bool = False) -> str:
@@ -80,7 +91,59 @@ def plain(text: str) -> str:
         parts[i] = re.sub(power, _power, parts[i])
         for machine, person in _SYMBOLS:
             parts[i] = re.sub(machine, person, parts[i])
+        parts[i] = re.sub(r"(?<![\w.,])0\.0{4,}[1-9]\d*", _tiny, parts[i])
     return "".join(parts)
+
+
+def brief(text: str, numbers: int = 8) -> str:
+    """Evidence whose long lists of numbers are cut; the Scoreboard has them whole.
+
+    Of items that semicolons part, in a sentence or in brackets, as many stay as have some
+    numbers; of a series that commas part, the first three and the last.
+
+    >>> brief("Of 4 (Holm; n = 9): a 1 ± 3; b 2 ± 4; c 3 ± 5; d 4 ± 6; one is 5. So.")
+    'Of 4 (Holm; n = 9): a 1 ± 3; b 2 ± 4; c 3 ± 5; d 4 ± 6; one is 5. So.'
+    >>> brief("Of 4 (Holm; n = 9): a 1 ± 3; b 2 ± 4; c 3 ± 5; d 4 ± 6; one is 5. So.", 4)
+    'Of 4 (Holm; n = 9): a 1 ± 3; 3 more on the Scoreboard; one is 5. So.'
+    >>> brief("Left: 9% at 1, 8% at 2, 7% at 3, 6% at 4, 5% at 5, 4% at 6 and 3% at 7.")
+    'Left: 9% at 1, 8% at 2, 7% at 3, … and 3% at 7.'
+    """
+    return " ".join(_brief(sentence, numbers) for sentence in re.split(r"(?<=\.) (?=[A-Z])", text))
+
+
+def _brief(sentence: str, numbers: int) -> str:
+    if inner := re.search(r"\(([^()]*;[^()]*:[^()]*)\)", sentence):
+        start, end = inner.span(1)
+        sentence = sentence[:start] + _first(inner[1], numbers) + sentence[end:]
+    return _first(sentence.removesuffix("."), numbers) + "." * sentence.endswith(".")
+
+
+def _first(text: str, numbers: int) -> str:
+    """The first items of those that semicolons part outside brackets, and what follows them."""
+    parts = [_ends(part) for part in re.split(r"; (?![^(]*\))", text)]
+    size = [len(_NUMBER.findall(re.sub(r"\([^()]*\)", "", part))) for part in parts]
+    least = 1 if re.search("[±:]", parts[0]) else 2  # what says of what they are is none
+    kept = next((n for n in range(least, len(parts)) if sum(size[: n + 1]) > numbers), len(parts))
+    last = max((n for n, part in enumerate(parts, 1) if re.search("[±:]", part)), default=0)
+    if last - kept < 2:
+        return "; ".join(parts)
+    return "; ".join([*parts[:kept], f"{last - kept} more on the Scoreboard", *parts[last:]])
+
+
+def _ends(text: str) -> str:
+    """Of a series of six or more that commas part, the first three and the last."""
+    items = re.split(r", (?![^(]*\))", text)
+    for start in range(len(items)):
+        run = [*takewhile(re.compile(r"\d.* (at|after) .*\d").search, items[start:])]
+        if len(run) >= 6:
+            last = run[-1].rpartition(" and ")[2]
+            return ", ".join([*items[: start + 3], f"… and {last}", *items[start + len(run) :]])
+    return text
+
+
+def _tiny(found: re.Match[str]) -> str:
+    """``0.00000175`` as 1.75 × 10⁻⁶."""
+    return plain(f"{float(found[0]):.3g}")
 
 
 def _power(found: re.Match[str]) -> str:
