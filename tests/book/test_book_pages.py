@@ -50,7 +50,7 @@ def test_status_of_nothing() -> None:
 def test_drills_have_a_row_each() -> None:
     row = {"command": "thesis run", "drill": "killed", "good": 19, "of": 20}
     text = drills_markdown(pd.DataFrame([row | {"commit": "0123456789ab", "day": "2026-11-29"}]))
-    assert "\n| `thesis run` | killed | 19 of 20 | 01234567 | 2026-11-29 |\n" in text
+    assert "\n| `thesis run` | killed | 19 of 20 | 01234567 | [2026-11-29]{.day} |\n" in text
 
 
 def test_mutants_tell_what_noticed_them_or_why_no_claim_does() -> None:
@@ -59,6 +59,9 @@ def test_mutants_tell_what_noticed_them_or_why_no_claim_does() -> None:
     text = mutants_markdown(pd.DataFrame([moved, row | {"verdicts": None, "reason": "ties"}]))
     assert "| a | `b.py` | yes | 3.1-x: reproduced → refuted | 01234567 |" in text
     assert "| a | `b.py` | yes |  (none: ties) | 01234567 |" in text
+    stopped = row | {"verdicts": "x: reproduced -> error: a (b) that is cu; y: z", "reason": None}
+    text = mutants_markdown(pd.DataFrame([stopped]))
+    assert "| yes | x: reproduced → stopped by an error; y: z | 01234567 |" in text
 
 
 def test_the_drills_that_are_committed_are_all_there_and_none_failed() -> None:

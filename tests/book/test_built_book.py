@@ -391,6 +391,8 @@ class TestInTheBrowser:
         opened.wait_for_selector("div.chart .moving-chart svg", timeout=20_000)
         chart = opened.locator("div.chart").first
         assert chart.locator("img:visible").count() == 0
+        for box in opened.locator(".moving-chart").all():  # none sticks out of its frame
+            assert box.evaluate("e => e.scrollWidth <= e.clientWidth")
         before = chart.locator("svg").inner_html()
         slider = chart.locator("input[type=range]").first
         slider.focus()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -123,7 +124,7 @@ def drills_markdown(drills: pd.DataFrame) -> str:
         "| :-- | :-- | --: | :-- | :-- |",
         *(
             f"| `{d.command}` | {d.drill} | {d.good} of {d.of} "
-            f"| {_short_commit(d.commit)} | {d.day} |"
+            f"| {_short_commit(d.commit)} | [{d.day}]{{.day}} |"
             for d in drills.itertuples()
         ),
     ]
@@ -141,18 +142,24 @@ def mutants_markdown(mutants: pd.DataFrame) -> str:
     lines = [
         "::::{table} Faults put into the library: a test must fail, and a verdict change",
         ":name: tbl-status-mutants",
+        ":class: cards",
         "",
         "| mutant | of | a test fails | verdicts | commit |",
         "| :-- | :-- | :-- | :-- | :-- |",
         *(
             f"| {m.mutant} | `{m.file}` | {'yes' if m.caught else 'no'} "
-            f"| {m.verdicts.replace('->', '→') if isinstance(m.verdicts, str) else ''}"
+            f"| {_moved(m.verdicts) if isinstance(m.verdicts, str) else ''}"
             f"{f' (none: {m.reason})' if isinstance(m.reason, str) else ''} "
             f"| {_short_commit(m.commit)} |"
             for m in mutants.itertuples()
         ),
     ]
     return "\n".join([*lines, "::::", ""])
+
+
+def _moved(verdicts: str) -> str:
+    """Which verdicts a mutant moves; a message of Python's would say nothing here."""
+    return re.sub(r"error: [^;]*", "stopped by an error", verdicts.replace("->", "→"))
 
 
 def _duration(seconds: float) -> str:
