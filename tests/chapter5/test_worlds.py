@@ -333,6 +333,15 @@ def test_pictures_stand_in_rows_under_their_titles() -> None:
     plt.close(figure)
 
 
+def test_a_white_sky_is_left_out_of_pictures() -> None:
+    images = [np.full((40, 6, 3), 255, np.uint8) for _ in range(2)]
+    images[0][30:] = images[1][20:] = 0  # one robot is taller
+    figure = pictures.gallery(lambda: images, ["a", "b"])
+    shapes = [ax.get_images()[0].get_array().shape for ax in figure.axes[:2]]
+    assert shapes == [(28, 6, 3)] * 2  # eight rows of sky above the taller one
+    plt.close(figure)
+
+
 def test_a_run_across_the_switch_is_told_in_order() -> None:
     states, ground, told = open_loop_tests.crossing(SMOKE_SEARCH, 0, worlds=2, frames=4)
     assert states.shape == (4, 9)
@@ -350,6 +359,7 @@ def test_a_robot_on_a_hill_keeps_its_clearance() -> None:
 
 def test_every_perturbation_is_in_the_table() -> None:
     table = score.perturbation_table()
+    assert not table["what it does"].str.contains(":class:").any()
     assert list(table.object) == [
         *("WhiteNoise", "TerrainSwitch", "SensorSubset"),  # the thesis's, then ours
         *("CorrelatedNoise", "SensorFailure", "ActuatorFailure"),

@@ -158,7 +158,7 @@ def both_shown(two: pd.DataFrame, three: pd.DataFrame) -> pd.DataFrame:
             "weights": two.kind.map(WEIGHTS),
             "domains": two.n_domains,
             "steps shrink": two.steps_shrink,
-            "error of law": two.law_error.map("{:.0e}".format),
+            "error of law": two.law_error.map("{:.1g}".format),
             "only falls": three.decreasing,
             "only rises": three.increasing,
             "does both": three.not_monotone,

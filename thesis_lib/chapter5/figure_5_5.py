@@ -127,7 +127,10 @@ def draw(table: pd.DataFrame) -> Figure:
     fig, ax = plt.subplots(figsize=(7.2, 3.2))
     places = np.arange(len(ALL_NETS))
     for shift, source, colour in ((-0.2, "printed", COLOURS[7]), (0.2, "ours", COLOURS[0])):
-        own = table[table.source == source].set_index("net").reindex(list(ALL_NETS))
+        own = table[table.source == source]
+        if own.empty:
+            continue
+        own = own.set_index("net").reindex(list(ALL_NETS))
         span = np.abs(own[["low", "high"]].sub(own.score, axis=0).to_numpy().T)
         ax.bar(places + shift, own.score, 0.4, yerr=span, color=colour, alpha=0.7, label=source)
     ax.set_xticks(places, ALL_NETS, rotation=45, ha="right")

@@ -19,6 +19,8 @@ def gallery(
 ) -> Figure:
     """Pictures in a grid; where the machine has no OpenGL, what to do about it instead.
 
+    Rows at the top in which every picture is white, as the sky is, are left out.
+
     Parameters
     ----------
     make
@@ -36,6 +38,8 @@ def gallery(
         ax.axis("off")
         ax.text(0.5, 0.5, textwrap.fill(str(missing), 80), ha="center", va="center")
         return fig
+    drawn = np.any(np.stack(images) < 255, axis=(0, 2, 3))
+    images = [image[max(0, int(drawn.argmax()) - 8) :] for image in images]
     shape = images[0].shape
     height = 7.2 / columns * shape[0] / shape[1] + 0.28
     fig, axes = plt.subplots(lines, columns, figsize=(7.2, lines * height), squeeze=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import re
 
 import pandas as pd
 
@@ -106,7 +107,9 @@ def perturbation_table() -> pd.DataFrame:
     return pd.DataFrame(
         {
             "object": name,
-            "what it does": str(inspect.getdoc(kinds[name])).split("\n\n")[0],
+            "what it does": re.sub(
+                r":\w+:(?=`)", "", str(inspect.getdoc(kinds[name])).split("\n\n")[0]
+            ),
             "settings": ", ".join(f.name for f in dataclasses.fields(kinds[name])),  # type: ignore[arg-type]
         }
         for name in order

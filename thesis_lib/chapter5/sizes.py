@@ -203,6 +203,5 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
     """Learned parameters and, in brackets, hidden units of every network on every task."""
     own = table[table.thesis].set_index(["architecture", "task"])
     cells = own.learned.map("{:,}".format) + " (" + own.units.map("{:,}".format) + ")"
-    wide = cells.str.replace(",", "\N{THIN SPACE}").unstack()
-    wide = wide.reindex(index=list(NAMES), columns=list(ROBOTS)).rename(index=NAMES)
+    wide = cells.unstack().reindex(index=list(NAMES), columns=list(ROBOTS)).rename(index=NAMES)
     return wide.rename_axis(None, axis=1).rename_axis("network").reset_index().fillna("–")
