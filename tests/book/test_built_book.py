@@ -225,7 +225,8 @@ class Tab:
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
 
     def open(self, name: str, until: str = "load") -> Any:
-        self.page.goto(f"{self.site}/{name}", wait_until=until)
+        self.page.goto(f"{self.site}/{name}")  # an idle network alone need not mean a read page
+        self.page.wait_for_load_state(until)
         self.page.evaluate("window.MathJax?.startup?.promise")
         return self.page
 

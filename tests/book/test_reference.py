@@ -5,6 +5,10 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
+from sphinx.ext.napoleon import Config
+from sphinx.ext.napoleon.docstring import NumpyDocstring
+
+from thesis_lib.book.names import tell_attributes_apart
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = ROOT / "book" / "api"
@@ -17,6 +21,14 @@ PACKAGES = (
 def described() -> Counter[str]:
     text = "\n".join(page.read_text() for page in PAGES.glob("*.md"))
     return Counter(re.findall(r"automodule:: thesis_lib\.(\S+)", text))
+
+
+def test_attributes_that_share_a_line_are_told_apart() -> None:
+    tell_attributes_apart()
+    text = "Attributes\n----------\nlow, high : float\n    Bounds.\nn : int\n    How many.\n"
+    read = str(NumpyDocstring(text, Config(napoleon_use_ivar=True)))
+    for line in (":ivar low: Bounds.", ":ivar high: Bounds.", ":vartype high: float", ":ivar n: "):
+        assert line in read
 
 
 @pytest.mark.parametrize("package", PACKAGES)

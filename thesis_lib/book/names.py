@@ -4,11 +4,12 @@
 defined.  One that the reference does not describe, such as a field or an experiment's module,
 is looked up in the package itself and shown as code; one that does not exist there either stays
 unresolved, and the build fails.  Names of other libraries in docstrings are shown as they are:
-there is no network to look them up in.
+there is no network to look them up in.  Attributes that share a line are told apart.
 """
 
 from __future__ import annotations
 
+from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -77,7 +78,23 @@ def _resolve(app: Any, env: Any, node: Any, content: Any) -> Any:
     return make_refnode(app.builder, docname, entry.docname, entry.node_id, content, name)
 
 
+def tell_attributes_apart() -> None:
+    """Let napoleon read ``low, high`` among attributes as two, as it does among arguments."""
+    from sphinx.ext.napoleon.docstring import NumpyDocstring
+
+    parse = NumpyDocstring._parse_attributes_section
+
+    def parse_each(docstring: Any, section: str) -> list[str]:
+        docstring._consume_fields = partial(docstring._consume_fields, multiple=True)
+        lines: list[str] = parse(docstring, section)
+        del docstring._consume_fields
+        return lines
+
+    NumpyDocstring._parse_attributes_section = parse_each  # type: ignore[method-assign]
+
+
 def setup(app: Any) -> dict[str, bool]:
     """Register with Sphinx."""
+    tell_attributes_apart()
     app.connect("missing-reference", _resolve)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -23,7 +23,7 @@ READY = """async () => {
   const loaded = (e) => e.complete || new Promise((done) => { e.onload = e.onerror = done; });
   await Promise.all([...document.images].map(loaded));
   if (window.MathJax?.startup?.promise) await window.MathJax.startup.promise;
-  await document.fonts.ready;
+  await Promise.all([...document.fonts].map((font) => font.load().catch(() => {})));
 }"""
 """What to wait for before a page is printed."""
 
@@ -70,7 +70,9 @@ def make_pdf(html: Path, names: Sequence[str], target: Path) -> int:
         browser = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
         page = browser.new_page(color_scheme="light", reduced_motion="reduce")
         for name in names:
-            page.goto((html / f"{name}.html").resolve().as_uri(), wait_until="networkidle")
+            # On a slow machine the network can be idle before the page is read to its end.
+            page.goto((html / f"{name}.html").resolve().as_uri(), wait_until="load")
+            page.wait_for_load_state("networkidle")
             page.evaluate(READY)
             margin: PdfMargins = {"top": "15mm", "bottom": "15mm", "left": "15mm", "right": "15mm"}
             sheets = PdfReader(io.BytesIO(page.pdf(format="A4", scale=0.8, margin=margin)))

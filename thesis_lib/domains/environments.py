@@ -37,7 +37,10 @@ DOMAINS: Mapping[str, Callable[..., Domain]] = MappingProxyType(
         "AppendixA3": figure_a3,
     }
 )
-"""The functions that make a domain, by the name of its environment."""
+"""The functions that make a domain, by the name of its environment.
+
+:meta hide-value:
+"""
 
 
 def make(

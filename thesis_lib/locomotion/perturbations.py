@@ -61,7 +61,10 @@ SUBSETS: Mapping[str, Mapping[str, tuple[int, ...]]] = MappingProxyType(
 ``text``: table 5.1's "feature subset that does not include angular velocities", which the
 author's code holds under older names; it leaves out all velocities and the centre of mass.
 ``literal``: all sensors but the angular velocities.  ``code``: the subsets its launcher would
-choose today; the hopper's keeps the velocities."""
+choose today; the hopper's keeps the velocities.
+
+:meta hide-value:
+"""
 
 
 def _settle(perturbation: Perturbation) -> None:

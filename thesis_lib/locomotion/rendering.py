@@ -117,7 +117,10 @@ PORTRAITS = {
     "Walker2d": View(3.6, azimuth=70, elevation=-10, rise=-0.45),
     "Ant": View(3.2, azimuth=60, elevation=-28),
 }
-"""The view of each robot in figure 5.1."""
+"""The view of each robot in figure 5.1.
+
+:meta hide-value:
+"""
 
 
 class Renderer:

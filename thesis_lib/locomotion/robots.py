@@ -268,7 +268,10 @@ ROBOTS: Mapping[str, Robot] = MappingProxyType(
         )
     }
 )
-"""The robots by name, in the order of table 5.2."""
+"""The robots by name, in the order of table 5.2.
+
+:meta hide-value:
+"""
 
 
 def get_robot(name: str) -> Robot:

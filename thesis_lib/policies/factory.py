@@ -83,7 +83,10 @@ ARCHITECTURES: Mapping[str, Callable[..., GaussianPolicy]] = {
     "dffwd-softplus": _feedforward(DEEP, "softplus"),
     "ffwd-400": _feedforward(None, "tanh"),
 }
-"""The seven architectures of section 5.2 and the two extra nets of figure 5.5."""
+"""The seven architectures of section 5.2 and the two extra nets of figure 5.5.
+
+:meta hide-value:
+"""
 
 RECURRENT_NETS = ("dtrnn", "ctrnn", "gru", "lstm", "esn")
 """Those of section 5.2 that remember."""

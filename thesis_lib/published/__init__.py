@@ -29,7 +29,10 @@ TABLES: Mapping[str, str] = MappingProxyType(
         "table-c.3": "1000-step return of the fixed weights under the switch to hills",
     }
 )
-"""The tables held here and what each one prints."""
+"""The tables held here and what each one prints.
+
+:meta hide-value:
+"""
 
 TASKS: Mapping[str, str] = MappingProxyType(
     {
@@ -40,7 +43,10 @@ TASKS: Mapping[str, str] = MappingProxyType(
         "Walker2d": "walker",
     }
 )
-"""What the column ``task`` calls each robot."""
+"""What the column ``task`` calls each robot.
+
+:meta hide-value:
+"""
 
 _NUMBERS = ("value", "standard_error", "ci95", "low", "high")
 

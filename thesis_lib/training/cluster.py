@@ -33,7 +33,10 @@ SETTINGS: dict[str, Any] = {
     # A terminal sends Ctrl-C to workers too, but it is for their parent to stop them.
     "distributed.worker.preload": ["import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)"],
 }
-"""Dask's settings; a scheduler that is started apart keeps its own."""
+"""Dask's settings; a scheduler that is started apart keeps its own.
+
+:meta hide-value:
+"""
 
 GUARD = (
     "the processes that are to work could not be started: a script that is run must have what "

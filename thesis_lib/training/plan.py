@@ -28,7 +28,10 @@ STEP_COST: Mapping[tuple[str, str], tuple[tuple[int, int], ...]] = {
     ("Ant", "hill"): ((80, 90), (98, 98), (88, 109), (90, 90), (77, 77), (87, 87), (580, 835)),
 }
 """Processor microseconds a control step takes, learning from it included, in batches of 50,000 and
-of 10,000 steps, for each of :data:`NETS`; ``benchmarks/end_to_end.py`` measures them again."""
+of 10,000 steps, for each of :data:`NETS`; ``benchmarks/end_to_end.py`` measures them again.
+
+:meta hide-value:
+"""
 
 SMALL_BATCH = 22_400
 """Steps of a batch below which the second number holds; halfway between the two, by ratio."""
