@@ -90,7 +90,7 @@ def tell_attributes_apart() -> None:
         del docstring._consume_fields
         return lines
 
-    NumpyDocstring._parse_attributes_section = parse_each  # type: ignore[method-assign]
+    NumpyDocstring._parse_attributes_section = parse_each  # type: ignore[method-assign, assignment]
 
 
 def setup(app: Any) -> dict[str, bool]:
