@@ -124,7 +124,7 @@ def of_subsets(table: pd.DataFrame) -> str:
     """What the DTRNN earns on the hopper by what it sees."""
     rows = table[(table.task == "Hopper") & (table.architecture == "dtrnn")]
     names = {"text": "the text's 11 sensors", "literal": "all but the angular velocities",
-             "code": "the 17 of the author's code"}  # fmt: skip
+             "code": "the 17 sensors of the author's code"}  # fmt: skip
     told = ", ".join(f"{_told(r)} with {names[r.sensors]}" for r in rows.itertuples())
     return (
         f"On the Hopper the DTRNN's mean return of the first hundred iterations is {told}; printed "
