@@ -26,6 +26,19 @@ window.addEventListener("DOMContentLoaded", () => {
   }
 });
 
+// Formulas and code are tab stops only where they are too wide, so that keys can move them.
+window.addEventListener("load", async () => {
+  await window.MathJax?.startup?.promise;
+  const reach = () => {
+    for (const wide of document.querySelectorAll("mjx-container, article pre")) {
+      if (wide.scrollWidth > wide.clientWidth) wide.tabIndex = 0;
+      else wide.removeAttribute("tabindex");
+    }
+  };
+  reach();
+  window.addEventListener("resize", reach);
+});
+
 // Excerpts that a search finds have no room for long formulas, and none for TeX.
 window.addEventListener("DOMContentLoaded", () => {
   if (typeof Search === "undefined") return;

@@ -340,6 +340,7 @@ class TestInTheBrowser:
     def test_everything_one_can_press_has_a_name(self, tab: Tab, name: str) -> None:
         assert tab.open(f"{name}.html").evaluate(UNNAMED) == []
 
+    @pytest.mark.parametrize("tab", [{}, PHONE], ids=["wide", "phone"], indirect=True)
     @pytest.mark.parametrize("name", OF_EACH_KIND)
     def test_axe_finds_nothing_serious(self, tab: Tab, name: str) -> None:
         opened = tab.open(f"{name}.html", until="networkidle")

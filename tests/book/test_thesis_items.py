@@ -99,3 +99,16 @@ def test_map_tells_run_and_verdict() -> None:
         "| equation 3.2 | sweeps | {eq}`eq-ch3-bound`, [](#sec-theorem-1) "
         "| re-run at the printed budget, `thesis run theorem-1`; claim reproduced |"
     ) in page
+
+
+@pytest.mark.parametrize(
+    ("experiment", "made"),
+    [
+        ("table-5.2", "in part, from committed runs"),  # most robots have not been trained
+        ("figure-4.4", "at the printed budget"),  # its table at the thesis's budget is committed
+        ("ch3-mu-star", "at the book's budget"),
+    ],
+)
+def test_map_tells_how_much_was_run(experiment: str, made: str) -> None:
+    page = items_markdown([Item("table", "1", "it", (), experiment, "", "")], [])
+    assert f"| re-run {made}, `thesis run {experiment}` |" in page

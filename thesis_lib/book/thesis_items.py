@@ -13,8 +13,10 @@ from itertools import groupby
 from pathlib import Path
 
 from thesis_lib.edition.chapters import experiments
+from thesis_lib.edition.deepest import committed
 from thesis_lib.edition.experiment import Experiment
 from thesis_lib.edition.ledger import Judgement
+from thesis_lib.edition.reach import ROOT, place, reached
 
 ITEMS = Path("book", "thesis_items.csv")
 """The file, in the checkout and in the staged book."""
@@ -118,6 +120,14 @@ def link(label: str) -> str:
 
 def _run(experiment: Experiment) -> str:
     """How an experiment is run for the shipped book, with the command."""
-    same = experiment.config("book") == experiment.config("thesis")
-    budget = "re-run at the printed budget" if same else "re-run at the book's budget"
-    return f"{budget}, `thesis run {experiment.id}`"
+    _, files = reached([place(experiment)])
+    if any(file.is_relative_to(ROOT / "results") for file in files):
+        made = "re-run in part, from committed runs"
+    elif (
+        experiment.config("book") == experiment.config("thesis")
+        or (committed() / f"{experiment.id}.json").is_file()
+    ):
+        made = "re-run at the printed budget"
+    else:
+        made = "re-run at the book's budget"
+    return f"{made}, `thesis run {experiment.id}`"
