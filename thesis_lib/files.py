@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import fcntl
+import json
+import math
 import os
 import tempfile
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+
+from thesis_lib.checks import as_json
 
 
 def writable_directory(directory: Path | str) -> Path:
@@ -49,3 +55,49 @@ def replacing(path: Path) -> Iterator[Path]:
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def write_json(path: Path, value: object) -> None:
+    """Write a value as JSON, aside and renamed, with NumPy's numbers as Python's."""
+    with replacing(path) as temporary:
+        temporary.write_text(json.dumps(value, indent=1, default=as_json) + "\n", encoding="utf-8")
+
+
+@contextmanager
+def alone(
+    path: Path, busy: Callable[[], object] = lambda: None, *, patience: float = 0.0
+) -> Iterator[None]:
+    """Hold a folder, or a file that is made if missing, which one process at a time can.
+
+    The lock goes with the process however it ends.
+
+    Parameters
+    ----------
+    path
+        What is held.
+    busy
+        Called once when another process still holds it after a while; unless it raises, the
+        wait goes on.
+    patience
+        That while, in seconds.
+    """
+    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR | os.O_CREAT, 0o666)
+    told = time.monotonic() + patience
+    try:
+        while not _taken(handle):
+            if time.monotonic() >= told:
+                busy()
+                told = math.inf
+            time.sleep(0.2)
+        yield
+    finally:
+        os.close(handle)
+
+
+def _taken(handle: int) -> bool:
+    """Take a lock, if no other process holds it."""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True

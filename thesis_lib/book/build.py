@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import re
 import shutil
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -20,7 +18,7 @@ from thesis_lib.book.paths import Paths
 from thesis_lib.book.staging import fingerprint, stage
 from thesis_lib.checks import check_seed
 from thesis_lib.edition.budgets import check_budget
-from thesis_lib.files import replacing
+from thesis_lib.files import alone, replacing, write_json
 from thesis_lib.imports import PACKAGE
 
 _STAMP = ".built.json"
@@ -66,7 +64,8 @@ def build(
     paths = Paths.of(check_budget(budget), root, draft=bool(only))
     check_seed(seed)
     paths.build.mkdir(exist_ok=True)
-    with _lock(paths.build / f".lock-{budget}", say):
+    waiting = partial(say, "Waiting for another build to end ...")
+    with alone(paths.build / f".lock-{budget}", waiting):
         started = time.perf_counter()
         tasks = {task.name: task for task in plan(paths, seed, _listed(only, paths, say))}
         if not _run(tasks, only, paths, say):
@@ -106,8 +105,7 @@ def collect_tables(runs: Mapping[str, Run], results: Path) -> None:
                 temporary.write_bytes(data)
     for name in before - set(tables):
         (results / name).unlink(missing_ok=True)
-    with replacing(record) as temporary:
-        temporary.write_text(json.dumps(sorted(tables)) + "\n", encoding="utf-8")
+    write_json(record, sorted(tables))
 
 
 def _listed(only: Sequence[str], paths: Paths, say: Callable[[str], None]) -> list[str]:
@@ -203,15 +201,3 @@ def _package(root: Path) -> str:
     """Hash of the package, whose docstrings and Sphinx extensions are part of the pages."""
     files = sorted((root / PACKAGE).rglob("*.py"))
     return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()
-
-
-@contextmanager
-def _lock(path: Path, say: Callable[[str], None]) -> Iterator[None]:
-    """Let one build at a budget run at a time."""
-    with path.open("w", encoding="utf-8") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            say("Waiting for another build to end ...")
-            fcntl.flock(file, fcntl.LOCK_EX)
-        yield

@@ -20,11 +20,11 @@ from typing import Any, Generic, TypeVar, get_args, get_type_hints
 import pandas as pd
 
 from thesis_lib.checkout import environment, repository_root
-from thesis_lib.checks import as_json, check_seed, plain, shown
+from thesis_lib.checks import check_seed, plain, shown
 from thesis_lib.edition.budgets import BUDGETS, check_budget
 from thesis_lib.edition.context import Context
 from thesis_lib.edition.rows import Returns, columns_of, returns, table_of
-from thesis_lib.files import replacing, writable_directory
+from thesis_lib.files import replacing, writable_directory, write_json
 from thesis_lib.surroundings import own_settings
 
 __all__ = [
@@ -284,10 +284,8 @@ class Result:
                 self.table.to_parquet(temporary, index=False)
             else:
                 self.table.to_csv(temporary, index=False)
-        with replacing(folder / f"{self.experiment.id}.json") as temporary:
-            record = {**self.provenance, "table": path.name}
-            text = json.dumps(record, indent=1, default=as_json) + "\n"
-            temporary.write_text(text, encoding="utf-8")
+        record = {**self.provenance, "table": path.name}
+        write_json(folder / f"{self.experiment.id}.json", record)
         stale.unlink(missing_ok=True)
         return path
 

@@ -14,7 +14,7 @@ import pandas as pd
 from scipy import stats
 
 from thesis_lib.checkout import environment
-from thesis_lib.files import replacing, writable_directory
+from thesis_lib.files import replacing, writable_directory, write_json
 from thesis_lib.stats import holm, mean_ci
 from thesis_lib.training.config import TrainConfig, differences
 from thesis_lib.training.grid import GRID, GRID_COLUMNS, key, run_name
@@ -299,8 +299,7 @@ def write(
             record["compared_columns"] = dict(PAIRED_COLUMNS)
             with replacing(folder / name) as temporary:
                 compared(curves, column).to_csv(temporary, index=False, float_format="%.6g")
-    with replacing(folder / "curves.json") as temporary:
-        temporary.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    write_json(folder / "curves.json", record)
     return curves
 
 

@@ -3,7 +3,6 @@ r"""Test a trained policy: the greedy policy under perturbations (sections 5.3 a
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from torch import Tensor
 
 from thesis_lib.checkout import environment
 from thesis_lib.checks import check_seed, plain_settings
-from thesis_lib.files import replacing, writable_directory
+from thesis_lib.files import replacing, writable_directory, write_json
 from thesis_lib.locomotion import BatchTask, make_task
 from thesis_lib.locomotion.batch import Perturbation
 from thesis_lib.locomotion.robots import Ground
@@ -373,6 +372,5 @@ def write(
     }
     with replacing(folder / "evaluation.csv") as temporary:
         table.to_csv(temporary, index=False)
-    with replacing(folder / "evaluation.json") as temporary:
-        temporary.write_text(json.dumps(record, indent=1, default=float) + "\n", encoding="utf-8")
+    write_json(folder / "evaluation.json", record)
     return folder / "evaluation.csv"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -17,7 +16,7 @@ from tqdm import tqdm
 
 from thesis_lib.checkout import environment
 from thesis_lib.checks import plain_settings
-from thesis_lib.files import replacing, writable_directory
+from thesis_lib.files import replacing, writable_directory, write_json
 from thesis_lib.locomotion import BatchTask
 from thesis_lib.training.disturbances import Disturbances
 from thesis_lib.training.evaluation import RUN_COLUMNS, EvaluateConfig, evaluation_task, tested
@@ -363,6 +362,5 @@ def write(
     }
     with replacing(folder / "tests.parquet") as temporary:
         table.to_parquet(temporary, index=False)
-    with replacing(folder / "tests.json") as temporary:
-        temporary.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    write_json(folder / "tests.json", record)
     return folder / "tests.parquet"

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import fcntl
-import os
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 from thesis_lib.checkout import repository_root
-from thesis_lib.files import writable_directory
+from thesis_lib.files import alone, writable_directory
 from thesis_lib.surroundings import own_settings
 from thesis_lib.training.checkpoint import FILES, read_checkpoint
 from thesis_lib.training.config import TrainConfig
@@ -69,33 +66,15 @@ def train(
         with own_settings():
             return _train(config, None, resume, any_version, report)
     folder = writable_directory(directory)
-    with _alone(folder, patience), own_settings():
+
+    def busy() -> None:
+        raise ValueError(
+            f"another process is training in {str(folder)!r}: wait for it, or choose another "
+            "directory."
+        )
+
+    with alone(folder, busy, patience=patience), own_settings():
         return _train(config, folder, resume, any_version, report)
-
-
-@contextmanager
-def _alone(folder: Path, patience: float) -> Iterator[None]:
-    """Hold a directory, so that no two processes train into it at once.
-
-    The lock goes with the process however it ends, and leaves no file behind.
-    """
-    handle = os.open(folder, os.O_RDONLY)
-    give_up = time.monotonic() + patience
-    try:
-        while True:
-            try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except OSError:
-                if time.monotonic() >= give_up:
-                    raise ValueError(
-                        f"another process is training in {str(folder)!r}: wait for it, or choose "
-                        "another directory."
-                    ) from None
-            time.sleep(0.2)
-        yield
-    finally:
-        os.close(handle)
 
 
 def _train(
