@@ -70,6 +70,17 @@ def test_the_picture_of_the_house_shows_every_unit_in_its_layer() -> None:
     assert [LEVEL[unit] for unit in shown] == sorted(LEVEL.values())
 
 
+def test_long_files_are_those_for_which_a_reason_is_given() -> None:
+    told = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    (reasons,) = re.findall(r"at most 450 lines(.*?)\n- ", told, re.DOTALL)
+    long = {
+        file.relative_to(PACKAGE).as_posix()
+        for file in FILES
+        if len(file.read_text(encoding="utf-8").splitlines()) > 450
+    }
+    assert set(re.findall(r"`([\w/]+\.py)`", reasons)) == long
+
+
 @pytest.mark.parametrize("unit", [unit for unit in UNITS if unit in LEVEL])
 def test_imports_run_one_way(unit: str) -> None:
     for file in FILES:
