@@ -58,7 +58,7 @@ def test_a_claim_without_its_table_is_an_error(tmp_path, monkeypatch):
         ledger.judge(CLAIM, tmp_path)
     monkeypatch.setattr(scoreboard, "claims", lambda: (CLAIM,))
     with pytest.raises(FileNotFoundError, match="thesis run toy"):
-        scoreboard.scoreboard(tmp_path)
+        scoreboard.judge_all(tmp_path)
     (judged,) = scoreboard.judge_all(tmp_path, draft=True)
     assert judged.verdict is Verdict.NOT_RUN
 
@@ -68,10 +68,10 @@ def test_smoke_evidence_is_inconclusive(tmp_path):
     assert ledger.judge(CLAIM, tmp_path).finding.verdict is Verdict.INCONCLUSIVE
 
 
-def test_the_ledger_as_a_table(tmp_path, monkeypatch):
+def test_every_claim_is_judged(tmp_path, monkeypatch):
     saved(tmp_path, [1.0, 2.0])
     monkeypatch.setattr(scoreboard, "claims", lambda: (CLAIM,))
-    assert scoreboard.scoreboard(tmp_path).loc[0, "verdict"] == "reproduced"
+    assert [j.verdict for j in scoreboard.judge_all(tmp_path)] == [Verdict.REPRODUCED]
 
 
 def test_what_a_difference_changes(tmp_path):

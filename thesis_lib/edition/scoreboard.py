@@ -6,8 +6,6 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-import pandas as pd
-
 from thesis_lib.edition import roots
 from thesis_lib.edition.chapters import claims
 from thesis_lib.edition.deepest import deepest
@@ -47,30 +45,6 @@ def judge_all(
             own = Judgement(claim, Finding(Verdict.NOT_RUN, str(error)), "none")
         judged.append(own if own.budget == "smoke" else replace(own, over=over.get(claim.id)))
     return judged
-
-
-def scoreboard(results: Path | str) -> pd.DataFrame:
-    """The ledger as a table: one row a claim, with verdict and evidence."""
-    return pd.DataFrame(
-        [
-            {
-                "id": j.claim.id,
-                "section": j.claim.section,
-                "statement": j.claim.statement,
-                "criterion": j.claim.criterion,
-                "verdict": str(j.verdict),
-                "frequency": j.over.frequency if j.over else "",
-                "evidence": j.finding.evidence,
-                "experiments": ", ".join(j.claim.experiments),
-                "budget": j.budget,
-            }
-            for j in judge_all(results)
-        ],
-        columns=[
-            *("id", "section", "statement", "criterion"),
-            *("verdict", "frequency", "evidence", "experiments", "budget"),
-        ],
-    )
 
 
 def effect(difference: Difference, results: Path | str) -> str:
