@@ -6,12 +6,14 @@ from pathlib import Path
 from typing import Any
 
 import nbformat
+import pandas as pd
 import pytest
 import yaml
 from nbconvert import ScriptExporter
 
 from thesis_lib.book.sources import TAKEAWAY_TAG, code_cells, parameter_names, read
 from thesis_lib.book.thesis_numbers import thesis_number
+from thesis_lib.edition.experiment import Experiment
 from thesis_lib.edition.page import assigned_names
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -25,6 +27,15 @@ SECTIONS = """
 5.1 5.1.1 5.2 5.2.1 5.2.2 5.2.3 5.2.4 5.2.5 5.3 5.4 5.5 5.5.1 5.5.2 5.6 5.7
 """
 """Of the thesis's chapters 2 to 5."""
+RUN = r"page\.run\((\w+)\.(\w+)\)"
+"""An experiment that a cell runs: its module and its name there."""
+
+
+def experiment_of(notebook: str, module: str, name: str) -> Experiment[Any]:
+    number = thesis_number(notebook)
+    chapter = f"chapter{number}" if isinstance(number, int) else f"appendix_{number}".lower()
+    found: Experiment[Any] = getattr(import_module(f"thesis_lib.{chapter}.{module}"), name)
+    return found
 
 
 def test_toc_covers_every_notebook_and_nothing_else() -> None:
@@ -106,6 +117,30 @@ class TestNotebook:
                 assert number in re.findall(r"\S+", SECTIONS), heading
                 assert int(number[0]) == thesis_number(path.stem), heading
 
+    def test_a_section_shows_a_small_instance_of_what_it_repeats(
+        self, path: Path, notebook: Any
+    ) -> None:
+        """Where it runs the experiment of a numbered item, a visible cell calls the library."""
+        items = pd.read_csv(ROOT / "book" / "thesis_items.csv").dropna(subset="experiment")
+        numbered = {*items[items.kind != "footnote"].experiment}
+        sections: list[list[Any]] = [[]]
+        for cell in notebook.cells:
+            if cell.cell_type == "markdown" and re.search(r"(?m)^## ", cell.source):
+                sections.append([cell])
+            sections[-1].append(cell)
+        for section in sections:
+            cells = [cell for cell in section if cell.cell_type == "code"]
+            runs = [r for c in cells for r in re.findall(RUN, c.source)]
+            if numbered.isdisjoint(experiment_of(path.stem, *run).id for run in runs):
+                continue
+            assert any(
+                not re.search(r"page\.|plt\.", cell.source)
+                and not {"hide-input", "remove-input", "remove-cell"}
+                & {*cell.metadata.get("tags", ())}
+                and re.search(r"\w\(", cell.source)
+                for cell in cells
+            ), section[0].source
+
     def test_ends_with_what_is_next_and_what_to_take_away(self, path: Path, notebook: Any) -> None:
         *_, before, last = notebook.cells
         assert last.metadata.tags == [TAKEAWAY_TAG]
@@ -116,11 +151,6 @@ class TestNotebook:
         first, *others = code_cells(notebook)
         minutes = re.search(r"# Takes about (\d+) minutes? at budget", first.source)
         assert minutes
-        number = thesis_number(path.stem)
-        chapter = f"chapter{number}" if isinstance(number, int) else f"appendix_{number}".lower()
-        runs = {r for c in others for r in re.findall(r"page\.run\((\w+)\.(\w+)\)", c.source)}
-        told = sum(
-            getattr(import_module(f"thesis_lib.{chapter}.{module}"), name).seconds
-            for module, name in runs
-        )
+        runs = {run for c in others for run in re.findall(RUN, c.source)}
+        told = sum(experiment_of(path.stem, *run).seconds for run in runs)
         assert told / 60 <= int(minutes[1]) <= told / 60 + 2
