@@ -23,11 +23,11 @@ from thesis_lib.stats import Comparison, Summary, leading, mean_ci, welch
 class Cell:
     """A printed cell, and runs of ours beside it."""
 
-    robot: str
+    task: str
     """Robot."""
     trained_on: str
     """Flat, or hill: ground it was trained on."""
-    net: str
+    architecture: str
     """Architecture."""
     printed: float
     """Printed mean."""
@@ -75,9 +75,9 @@ def beside(table: str, ours: pd.DataFrame, printed_runs: int) -> list[Cell]:
         Runs behind a printed cell.
     """
     published_by = published.load(table).set_index(["task", "trained_on", "architecture"])
-    own = ours[ours.variant == DEFAULT].assign(net=ours.architecture.str.upper())
+    own = ours[ours.variant == DEFAULT].assign(architecture=ours.architecture.str.upper())
     own = own.sort_values("seed")
-    by_cell = dict(list(own.groupby(["task", "terrain", "net"])))
+    by_cell = dict(list(own.groupby(["task", "terrain", "architecture"])))
     rows = []
     for ground in TRAINED_ON:
         for robot in ROBOTS:
@@ -161,7 +161,9 @@ def column(source: str) -> tuple[str, str, str]:
 
 def wide(table: pd.DataFrame, value: str) -> pd.DataFrame:
     """One column of a table of cells, ground and robot down, nets across."""
-    return table.pivot(index=["trained_on", "robot"], columns="net", values=value)[list(NETS)]
+    return table.pivot(index=["trained_on", "task"], columns="architecture", values=value)[
+        list(NETS)
+    ]
 
 
 def evidence(table: pd.DataFrame, source: str, verdict: Verdict, sentence: str) -> Evidence:
@@ -185,7 +187,7 @@ def summary(row: pd.Series, source: str, printed_runs: int) -> Summary:
 
 def best_against_best(row: pd.DataFrame, source: str, printed_runs: int) -> Comparison:
     """The best RNN's mean on a row against the best FNN's, by Welch's test."""
-    by = row.set_index("net")
+    by = row.set_index("architecture")
     rnn, fnn = (
         summary(
             by.loc[by.loc[list(GROUPS[group]), column(source)[0]].idxmax()], source, printed_runs
@@ -207,15 +209,15 @@ def run(table: pd.DataFrame, source: str) -> bool:
 
 def shown(table: pd.DataFrame, ground: str, robots: Sequence[str] = ROBOTS) -> pd.DataFrame:
     """A table of cells for a page: printed, ours and how deep, one line a robot and net."""
-    part = table[(table.trained_on == ground) & table.robot.isin(robots)]
+    part = table[(table.trained_on == ground) & table.task.isin(robots)]
     return pd.DataFrame([_line(row) for row in part.itertuples()])
 
 
 def _line(row: Any) -> dict[str, Any]:
     error = f" ({row.error:.0f})" if row.seeds > 1 else ""
     return {
-        "robot": row.robot,
-        "net": row.net + (" *" if row.leads else ""),
+        "robot": row.task,
+        "net": row.architecture + (" *" if row.leads else ""),
         "printed": f"{row.printed:.0f} ({row.printed_error:.0f})",
         "ours": f"{row.ours:.0f}{error}" if row.seeds else "not run",
         "seeds": row.seeds,

@@ -27,11 +27,11 @@ POINTS = 50
 class Point:
     """Some iterations of a learning curve; a cell that has not been run has one row without."""
 
-    robot: str
+    task: str
     """Robot."""
     trained_on: str
     """Flat or hill."""
-    net: str
+    architecture: str
     """Net."""
     iteration: float
     """Mean of the iterations."""
@@ -58,8 +58,8 @@ def curves(config: Config, context: Context) -> list[Point]:
     budget = [*CELL, "layer", "iterations", "batch_steps"]
     own = store.curves.merge(store.deepest()[budget], on=[*CELL, "layer"])
     own = own[own.variant == DEFAULT]
-    own = own.assign(net=own.architecture.str.upper())
-    by_cell = dict(list(own.groupby(["task", "terrain", "net"])))
+    own = own.assign(architecture=own.architecture.str.upper())
+    by_cell = dict(list(own.groupby(["task", "terrain", "architecture"])))
     published_by = (
         published.load("table-5.2").set_index(["task", "trained_on", "architecture"]).value
     )
@@ -97,7 +97,9 @@ def draw(table: pd.DataFrame, robot: str) -> Figure:
     fig, axes = plt.subplots(1, 2, figsize=(7.2, 3.4), sharey=True)
     for ax, ground in zip(axes, TRAINED_ON, strict=True):
         for net, colour in zip(NETS, COLOURS, strict=False):
-            own = table[(table.robot == robot) & (table.trained_on == ground) & (table.net == net)]
+            own = table[
+                (table.task == robot) & (table.trained_on == ground) & (table.architecture == net)
+            ]
             ax.plot(own.iteration, own.mean_return, color=colour, label=net)
             ax.fill_between(own.iteration, own.low, own.high, color=colour, alpha=0.15, lw=0)
             ax.plot(
@@ -111,7 +113,7 @@ def draw(table: pd.DataFrame, robot: str) -> Figure:
         ax.set_title(f"{robot}, {ground}")
         ax.set_xlabel("iteration")
         ax.set_xlim(0, max(1, own.iterations.max()))
-        if table[(table.robot == robot) & (table.trained_on == ground)].mean_return.isna().all():
+        if table[(table.task == robot) & (table.trained_on == ground)].mean_return.isna().all():
             ax.text(0.5, 0.5, "not run yet", transform=ax.transAxes, ha="center")
     axes[0].set_ylabel("mean return")
     fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=7)

@@ -46,9 +46,9 @@ class Score:
     """Flat or hill."""
     perturbation: str
     """Noise or switch."""
-    robot: str
+    task: str
     """Robot, or all for a statistic over robots."""
-    net: str
+    architecture: str
     """Net, or all for a statistic over nets."""
     statistic: str
     """Mean; spread (standard deviation over nets of their mean scores); or iqm, the interquartile
@@ -134,7 +134,7 @@ def _means(table: pd.DataFrame, source: str) -> pd.DataFrame:
 
 
 def _evidence(rows: pd.DataFrame, verdict: Verdict, sentence: str) -> Evidence:
-    robots = rows.robot[rows.robot != ALL].nunique()
+    robots = rows.task[rows.task != ALL].nunique()
     return Evidence(
         verdict, sentence, int(rows.units.min()), robots, bool(rows.printed_budget.all())
     )
@@ -176,12 +176,12 @@ def no_best_under_noise(source: str, table: pd.DataFrame) -> Evidence | None:
     """Nets with the highest score on each task, flat-trained, under noise."""
     rows = _means(table, source)
     rows = rows[(rows.trained_on == "flat") & (rows.perturbation == "noise")]
-    rows = rows[(rows.robot != ALL) & (rows.net != ALL)]
+    rows = rows[(rows.task != ALL) & (rows.architecture != ALL)]
     if rows.empty:
         return None
-    best = rows.loc[rows.groupby("robot").value.idxmax()]
-    listed = ", ".join(f"{r.robot} {r.net}" for r in best.itertuples())
-    verdict = Verdict.REPRODUCED if best.net.nunique() > 1 else Verdict.REFUTED
+    best = rows.loc[rows.groupby("task").value.idxmax()]
+    listed = ", ".join(f"{r.task} {r.architecture}" for r in best.itertuples())
+    verdict = Verdict.REPRODUCED if best.architecture.nunique() > 1 else Verdict.REFUTED
     return _evidence(rows, verdict, f"highest score: {listed}.")
 
 
@@ -291,8 +291,8 @@ def simple_more_robust(source: str, table: pd.DataFrame) -> Evidence | None:
 def _by_robot(table: pd.DataFrame, source: str) -> pd.DataFrame:
     """Mean score over nets, robots down, quadrants across."""
     rows = _means(table, source)
-    rows = rows[(rows.robot != ALL) & (rows.net != ALL)]
-    return rows.pivot_table(index="robot", columns=["trained_on", "perturbation"], values="value")
+    rows = rows[(rows.task != ALL) & (rows.architecture != ALL)]
+    return rows.pivot_table(index="task", columns=["trained_on", "perturbation"], values="value")
 
 
 def _extreme(table: pd.DataFrame, source: str, robot: str, *, highest: bool) -> Evidence | None:
@@ -327,11 +327,13 @@ def hopper_worst(source: str, table: pd.DataFrame) -> Evidence | None:
 def ant_hill_robust(source: str, table: pd.DataFrame) -> Evidence | None:
     """Hill-trained Ant against the mean of the robots, net by net, ESN left out as in the text."""
     rows = _means(table, source)
-    rows = rows[(rows.trained_on == "hill") & (rows.robot != ALL)]
-    rows = rows[~rows.net.isin([ALL, "ESN"])]
+    rows = rows[(rows.trained_on == "hill") & (rows.task != ALL)]
+    rows = rows[~rows.architecture.isin([ALL, "ESN"])]
     listed, above, sure = [], [], []
     for what in PERTURBATIONS:
-        by = rows[rows.perturbation == what].pivot(index="net", columns="robot", values="value")
+        by = rows[rows.perturbation == what].pivot(
+            index="architecture", columns="task", values="value"
+        )
         if by.shape[1] < len(ROBOTS):
             return None
         gap = by.Ant - by.mean(axis=1)
@@ -352,11 +354,13 @@ def ant_hill_robust(source: str, table: pd.DataFrame) -> Evidence | None:
 def varies_across_tasks(source: str, table: pd.DataFrame) -> Evidence | None:
     """Friedman's test that robots rank alike, nets as blocks, in each quadrant."""
     rows = _means(table, source)
-    rows = rows[(rows.robot != ALL) & (rows.net != ALL)]
+    rows = rows[(rows.task != ALL) & (rows.architecture != ALL)]
     p = {
-        f"{ground} {what}": friedman(own.pivot(index="net", columns="robot", values="value"))
+        f"{ground} {what}": friedman(
+            own.pivot(index="architecture", columns="task", values="value")
+        )
         for (ground, what), own in rows.groupby(["trained_on", "perturbation"])
-        if own.robot.nunique() > 2
+        if own.task.nunique() > 2
     }
     if len(p) < 4:
         return None
@@ -382,11 +386,11 @@ def draw(table: pd.DataFrame, source: str = "printed") -> Figure:
         for j, ground in enumerate(TRAINED_ON):
             ax = axes[i, j]
             own = rows[(rows.perturbation == what) & (rows.trained_on == ground)]
-            bars = own[own.robot == ALL].set_index("net").reindex(list(NETS))
+            bars = own[own.task == ALL].set_index("architecture").reindex(list(NETS))
             span = np.abs(bars[["low", "high"]].sub(bars.value, axis=0).to_numpy().T)
             ax.bar(NETS, bars.value, yerr=span, color="#c9d6e8", edgecolor=COLOURS[0], capsize=2)
             for robot, colour in zip(ROBOTS, COLOURS[1:], strict=False):
-                points = own[own.robot == robot].set_index("net").value.reindex(list(NETS))
+                points = own[own.task == robot].set_index("architecture").value.reindex(list(NETS))
                 ax.plot(NETS, points, "o", ms=4, color=colour, label=robot)
             ax.set_title(f"trained on {ground}, {what}")
             ax.tick_params(axis="x", rotation=45)

@@ -29,7 +29,7 @@ class Score:
 
     source: str
     """Printed or ours."""
-    net: str
+    architecture: str
     """Net."""
     score: float
     """Equation 5.4, mean over robots."""
@@ -93,7 +93,7 @@ def _interval(draws: FloatArray, units: int) -> tuple[float, float]:
 
 def _behind(table: pd.DataFrame, source: str, net: str) -> Evidence | None:
     """Whether DFFWD leads a net."""
-    rows = table[(table.source == source) & (table.net == net)]
+    rows = table[(table.source == source) & (table.architecture == net)]
     if rows.empty:
         return None
     row = rows.iloc[0]
@@ -130,7 +130,7 @@ def draw(table: pd.DataFrame) -> Figure:
         own = table[table.source == source]
         if own.empty:
             continue
-        own = own.set_index("net").reindex(list(ALL_NETS))
+        own = own.set_index("architecture").reindex(list(ALL_NETS))
         span = np.abs(own[["low", "high"]].sub(own.score, axis=0).to_numpy().T)
         ax.bar(places + shift, own.score, 0.4, yerr=span, color=colour, alpha=0.7, label=source)
     ax.set_xticks(places, ALL_NETS, rotation=45, ha="right")

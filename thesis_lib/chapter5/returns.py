@@ -108,7 +108,7 @@ def best_rnn(source: str, table: pd.DataFrame) -> Evidence | None:
         return None
     tests = {
         at: best_against_best(row, source, TEST_RUNS)
-        for at, row in table.groupby(["trained_on", "robot"])
+        for at, row in table.groupby(["trained_on", "task"])
     }
     p = holm([test.p_value for test in tests.values()])
     more = pd.Series({at: test.difference > 0 for at, test in tests.items()})
@@ -147,11 +147,11 @@ def fnn_rugged(source: str, table: pd.DataFrame) -> Evidence | None:
 @criterion("table-5.3-is-c.1", table_5_3, table_c_1)
 def same_table(short: pd.DataFrame, full: pd.DataFrame) -> Finding:
     """Cells of the two printed tables that differ."""
-    keys = ["trained_on", "robot", "net"]
+    keys = ["trained_on", "task", "architecture"]
     pair = short.merge(full, on=keys, suffixes=("", "_c"))
     apart = pair[(pair.printed != pair.printed_c) | (pair.printed_error != pair.printed_error_c)]
     listed = "; ".join(
-        f"{r.robot} {r.trained_on}, {r.net}: {r.printed:.1f} and {r.printed_c:.1f}"
+        f"{r.task} {r.trained_on}, {r.architecture}: {r.printed:.1f} and {r.printed_c:.1f}"
         for r in apart.itertuples()
     )
     return Finding(
@@ -164,7 +164,7 @@ def same_table(short: pd.DataFrame, full: pd.DataFrame) -> Finding:
 def regular_test(base: pd.DataFrame, switch: pd.DataFrame) -> Finding:
     """Hill-trained swimmers in the regular test and where hills come after the switch."""
     both_tests = [
-        t[(t.robot == "Swimmer") & (t.trained_on == "hill")].set_index("net").printed
+        t[(t.task == "Swimmer") & (t.trained_on == "hill")].set_index("architecture").printed
         for t in (base, switch)
     ]
     ratio = both_tests[0] / both_tests[1]

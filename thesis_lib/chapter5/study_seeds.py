@@ -31,7 +31,7 @@ class Pair:
 
     source: str
     """Printed or ours."""
-    robot: str
+    task: str
     """Robot."""
     trained_on: str
     """Flat or hill."""
@@ -96,8 +96,8 @@ def pairs(config: Config, context: Context) -> list[Pair]:
         ("printed", "printed", "printed_error"),
         ("ours", "ours", "error"),
     ):
-        for _, row in table.groupby(["trained_on", "robot"], sort=False):
-            rows += _pairs(source, row.set_index("net"), value, error)
+        for _, row in table.groupby(["trained_on", "task"], sort=False):
+            rows += _pairs(source, row.set_index("architecture"), value, error)
     return rows
 
 
@@ -115,7 +115,7 @@ def _pairs(source: str, row: pd.DataFrame, value: str, error: str) -> Iterator[P
         both_sd = float(np.sqrt((sd[a] ** 2 + sd[b] ** 2) / 2))
         yield Pair(
             source,
-            row.robot.iloc[0],
+            row.task.iloc[0],
             row.trained_on.iloc[0],
             a,
             b,
@@ -141,7 +141,7 @@ def five_seeds(source: str, table: pd.DataFrame) -> Evidence | None:
         verdict = Verdict.REPRODUCED
     else:
         verdict = Verdict.NOT_REPRODUCED if enough.mean() > 0.25 else Verdict.REFUTED
-    by_row = rows.drop_duplicates(["trained_on", "robot"])
+    by_row = rows.drop_duplicates(["trained_on", "task"])
     share = by_row.between_nets / (by_row.between_nets + by_row.between_seeds)
     sentence = (
         f"{LEARNING_RUNS} seeds tell {enough.sum()} of {len(rows)} pairs of nets apart with a "
@@ -150,6 +150,6 @@ def five_seeds(source: str, table: pd.DataFrame) -> Evidence | None:
         f"Nets explain {share.min():.0%} to {share.max():.0%} of a row's variance (median "
         f"{share.median():.0%}), seeds the rest."
     )
-    robots = rows.robot.nunique()
+    robots = rows.task.nunique()
     units = int(rows.units.min()) if source == "ours" else max(ENOUGH, int(rows.units.min()))
     return Evidence(verdict, sentence, units, robots, bool(rows.printed_budget.all()))

@@ -68,7 +68,7 @@ def ffwd_second(source: str, table: pd.DataFrame) -> Evidence | None:
 @both("5.5.1-esn-underperforms", entries)
 def esn_below(source: str, table: pd.DataFrame) -> Evidence | None:
     """ESN less the mean of the other nets, by row, in shares; the ant's runs were cut short."""
-    table = table[table.robot != "Ant"]
+    table = table[table.task != "Ant"]
     if not run(table, source):
         return None
     by = wide(table, column(source)[0])
@@ -101,7 +101,7 @@ def hopper_hard(source: str, table: pd.DataFrame) -> Evidence | None:
     listed = ", ".join(f"{robot} {value:.2f}" for robot, value in ratio.items())
     verdict, p = Verdict.NOT_REPRODUCED, ""
     if ratio.idxmax() == "Hopper" and several_runs(table, source):
-        hopper = table[table.robot == "Hopper"]
+        hopper = table[table.task == "Hopper"]
         test = best_against_best(hopper, source, LEARNING_RUNS)
         sure = test.difference < 0 and test.p_value < ALPHA
         verdict = Verdict.REPRODUCED if sure else Verdict.DIRECTION
@@ -112,7 +112,7 @@ def hopper_hard(source: str, table: pd.DataFrame) -> Evidence | None:
 @both("5.5.1-hopper-vanilla", entries)
 def hopper_vanilla(source: str, table: pd.DataFrame) -> Evidence | None:
     """CTRNN and DTRNN against ESN, GRU and LSTM on the flat hopper, by Welch."""
-    table = table[(table.trained_on == "flat") & (table.robot == "Hopper")].set_index("net")
+    table = table[(table.trained_on == "flat") & (table.task == "Hopper")].set_index("architecture")
     if not run(table, source):
         return None
     value = column(source)[0]
@@ -167,9 +167,9 @@ def bold(source: str, table: pd.DataFrame) -> Evidence | None:
 def _spread(table: pd.DataFrame, source: str) -> tuple[pd.Series, pd.Series]:
     """Mean standard error and mean relative one by row, RNNs over FNNs; incomplete runs out."""
     value, error, _ = column(source)
-    table = table[(table.net != "ESN") | (table.robot != "Ant")]
-    kind = table.net.isin(GROUPS["FNNs"]).map({True: "FNNs", False: "RNNs"})
-    rows = [table.trained_on, table.robot, kind]
+    table = table[(table.architecture != "ESN") | (table.task != "Ant")]
+    kind = table.architecture.isin(GROUPS["FNNs"]).map({True: "FNNs", False: "RNNs"})
+    rows = [table.trained_on, table.task, kind]
     absolute = table[error].groupby(rows).mean().unstack()
     relative = (table[error] / table[value]).groupby(rows).mean().unstack()
     return absolute, relative

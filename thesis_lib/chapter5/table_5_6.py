@@ -60,7 +60,7 @@ class Ratio:
     """Printed (rebuilt from tables C.1 to C.3) or ours."""
     perturbation: str
     """Noise or switch."""
-    net: str
+    architecture: str
     """Net."""
     formula: str
     """How the ratio is formed."""
@@ -147,7 +147,9 @@ def _ratios(made: Cells, formula: str, factor: float) -> Iterator[Ratio]:
 def _rows(table: pd.DataFrame, source: str, perturbation: str) -> pd.DataFrame:
     """Rows by net; the bounds are the printed ones, or those of our runs."""
     at = (table.source == source) & (table.perturbation == perturbation)
-    rows = table[at & (table.formula == RETAINED) & (table.error_factor == 1.0)].set_index("net")
+    rows = table[at & (table.formula == RETAINED) & (table.error_factor == 1.0)].set_index(
+        "architecture"
+    )
     if source == "printed":
         return rows.assign(low=rows.printed_low, high=rows.printed_high)
     return rows
@@ -338,7 +340,7 @@ def draw(table: pd.DataFrame) -> Figure:
         for shift, (label, (rows, low, high, colour)) in zip(
             (-0.2, 0.0, 0.2), shown.items(), strict=True
         ):
-            own = rows[rows.perturbation == what].set_index("net").reindex(list(NETS))
+            own = rows[rows.perturbation == what].set_index("architecture").reindex(list(NETS))
             ax.vlines(places + shift, own[low], own[high], color=colour, lw=4, label=label)
         ax.axhline(1, color="grey", lw=0.8)
         ax.set_xticks(places, NETS, rotation=45)
