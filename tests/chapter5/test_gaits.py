@@ -79,13 +79,13 @@ def test_joints_swing_as_the_gait_says() -> None:
     config = gaits.Config(search, 1, learner, episodes=2)
     table = gaits.episodes.run(config=config).table
     assert len(table) == 2 * (5 + 1)
-    swimmer = table[(table.robot == "Swimmer") & (table.controller == NAME)]
+    swimmer = table[(table.task == "Swimmer") & (table.controller == NAME)]
     # a snake in a thick fluid follows its motors
     drive = find_gait("Swimmer", search, 0, 0).frequency
     np.testing.assert_allclose(swimmer.frequency, drive, atol=0.05)
     np.testing.assert_allclose(swimmer.seconds, 12)
     # a walker on open-loop sines falls long before two cycles
-    fallen = table[table.robot == "Walker2d"]
+    fallen = table[table.task == "Walker2d"]
     assert fallen.frequency.isna().all()
     assert (fallen.seconds < 10).all()
 
@@ -117,9 +117,9 @@ def test_gains_after_training_are_told_at_the_gait_asked_for() -> None:
 
 def test_gaits_and_first_means_are_told_by_their_middle_and_range() -> None:
     rows = [("Ant", NAME, f) for f in (0.6, 1.0, 0.7)] + [("Hopper", NAME, np.nan)]
-    table = pd.DataFrame(rows, columns=["robot", "controller", "frequency"])
+    table = pd.DataFrame(rows, columns=["task", "controller", "frequency"])
     table = table.assign(seconds=10.0, distance=[5.0, 20.0, 12.0, 1.0])
-    made = gaits.shown(table).set_index("robot")
+    made = gaits.shown(table).set_index("task")
     told = made["frequency [Hz]"].str.replace("\N{WORD JOINER}", "")
     assert told.to_dict() == {"Ant": "0.7 (0.6–1.0)", "Hopper": "–"}
     assert made["speed [m/s]"].to_dict() == {"Ant": "1.2", "Hopper": "–"}

@@ -88,7 +88,7 @@ def test_limits_of_stability_by_hand() -> None:
 
 def test_stability_table_has_the_leak_alone() -> None:
     table = stability.modes.run(config=stability.Config(seeds=1)).table
-    alone = table[(table.net == "leak alone") & (table.integrator == "euler")]
+    alone = table[(table.task == "leak alone") & (table.integrator == "euler")]
     np.testing.assert_allclose(alone.growth, np.abs(1 - 1 / alone.ratio))
 
 
@@ -181,7 +181,7 @@ def test_instability_claim(
         for ratio, growth in zip((0.8, 1.0), own, strict=True)
     ]
     rows += [("leak alone", integrator, 0.4, 1.5) for integrator in ("euler", "heun")]
-    table = pd.DataFrame(rows, columns=["net", "integrator", "ratio", "growth"])
+    table = pd.DataFrame(rows, columns=["task", "integrator", "ratio", "growth"])
     finding = stability.short_time_constants(table)
     assert finding.verdict is verdict
     assert "Euler: " in finding.evidence

@@ -51,7 +51,7 @@ def test_same_seed_same_table_for_any_number_of_workers(experiment, tables) -> N
 
 
 def test_tasks_are_those_of_section_5_1_1(tables) -> None:
-    table = tables["ch5-tasks"].set_index("robot")
+    table = tables["ch5-tasks"].set_index("task")
     assert table.observation.to_dict() == {
         "Swimmer": 20,
         "Hopper": 20,
@@ -79,7 +79,7 @@ def test_hilltops_are_counted_inside_the_map() -> None:
 
 
 def test_terrain_of_the_swimmer_is_half_as_high_and_of_the_text_steeper(tables) -> None:
-    by = tables["ch5-terrain"].groupby(["preset", "colour_map", "robot", "difficulty"]).mean()
+    by = tables["ch5-terrain"].groupby(["preset", "colour_map", "task", "difficulty"]).mean()
     assert by.highest["author", False, "Swimmer", 1.0] == pytest.approx(0.5, rel=0.02)
     assert by.highest["author", False, "Hopper", 1.0] == pytest.approx(1.0, rel=0.02)
     ratio = (
@@ -94,7 +94,7 @@ def test_terrain_of_the_swimmer_is_half_as_high_and_of_the_text_steeper(tables) 
 
 def test_starts_on_the_centred_patch_are_those_on_the_flat(tables) -> None:
     """The same reset noise, so the same depth, to the height field's single precision."""
-    table = tables["ch5-starts"].set_index(["robot", "patch", "map"]).depth.sort_index()
+    table = tables["ch5-starts"].set_index(["task", "patch", "map"]).depth.sort_index()
     for robot in ROBOTS:
         np.testing.assert_allclose(
             table.loc[robot, "centred"], table.loc[robot, "flat floor"], atol=1e-3
@@ -106,7 +106,7 @@ def test_baseline_returns_are_the_sum_of_their_parts(tables) -> None:
     table = tables["ch5-untrained"]
     parts = table[["forward", "control", "contact", "alive", "divergence"]].sum(axis=1)
     np.testing.assert_allclose(parts, table.episode_return, atol=1e-9)
-    hopper = table[table.robot == "Hopper"]
+    hopper = table[table.task == "Hopper"]
     np.testing.assert_allclose(hopper.alive, 0.1 * hopper.length)
 
 
@@ -152,14 +152,14 @@ def test_search_improves_the_gait() -> None:
 
 
 def test_noise_cannot_touch_a_controller_without_sensors(tables) -> None:
-    table = tables["ch5-open-loop"].set_index(["condition", "robot", "search", "run"])
+    table = tables["ch5-open-loop"].set_index(["condition", "task", "search", "run"])
     earned = table.episode_return
     np.testing.assert_array_equal(earned["noise"], earned["regular"])
 
 
 def test_world_contacts_of_the_ant_are_always_zero(tables) -> None:
     table = tables["ch5-noise"]
-    ant = table[(table.robot == "Ant") & (table.group == "contact force")]
+    ant = table[(table.task == "Ant") & (table.group == "contact force")]
     world = ant[ant.sensor.str.contains("world")]
     assert len(world) == 12  # six entries under two controllers
     assert (world.zero == 1).all()
@@ -185,7 +185,7 @@ def test_sizes_and_links_are_judged_on_both_sides(tables) -> None:
 def terrain_table(**columns) -> pd.DataFrame:
     base = {
         "preset": ["author", "author", "text", "text"] * 2,
-        "robot": "Hopper",
+        "task": "Hopper",
         "difficulty": [0.5, 1.0] * 4,
         "colour_map": False,
         "map": [0, 0, 0, 0, 1, 1, 1, 1],
@@ -217,7 +217,7 @@ def noise_rows(angle: float, velocity: float, other: float, zero: float = 0.9) -
     return pd.DataFrame(
         [
             {
-                "robot": "Ant",
+                "task": "Ant",
                 "controller": controller,
                 "group": group,
                 "sd": sd,
@@ -263,7 +263,7 @@ def test_recovery_is_judged_on_both_sides(after, spread, verdict) -> None:
     z = np.linspace(-1, 1, 30)
     table = pd.DataFrame(
         {
-            "robot": "Swimmer",
+            "task": "Swimmer",
             "start": np.repeat(["reset", "struggle"], 30),
             "distance": np.r_[2 + 0.1 * z, after + spread * z],
         }
@@ -304,7 +304,7 @@ def test_the_gaits_rank_is_counted_from_the_top() -> None:
     """A controller that nothing can stop and that earns most scores 1 and ranks first."""
     table = pd.DataFrame(
         {
-            "robot": "Swimmer",
+            "task": "Swimmer",
             "condition": ["regular", "noise", "switch"],
             "episode_return": [10_000.0, 10_000.0, 1.0],
         }

@@ -176,8 +176,8 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
     low, high = (table[c].map("{:.0f}".format) for c in ("lowest", "highest"))
     return pd.DataFrame(
         {
-            "robot": table.task,
-            "net": table.architecture.str.upper(),
+            "task": table.task,
+            "network": table.architecture.str.upper(),
             "sensors": table.sensors,
             "τ [s]": table.time_constant.map(lambda t: "–" if np.isnan(t) else f"{t:g}"),
             "output": table.head_scale.map("× {:g}".format),

@@ -216,8 +216,8 @@ def shown(table: pd.DataFrame, ground: str, robots: Sequence[str] = ROBOTS) -> p
 def _line(row: Any) -> dict[str, Any]:
     error = f" ({row.error:.0f})" if row.seeds > 1 else ""
     return {
-        "robot": row.task,
-        "net": row.architecture + (" *" if row.leads else ""),
+        "task": row.task,
+        "network": row.architecture + (" *" if row.leads else ""),
         "printed": f"{row.printed:.0f} ({row.printed_error:.0f})",
         "ours": f"{row.ours:.0f}{error}" if row.seeds else "not run",
         "seeds": row.seeds,

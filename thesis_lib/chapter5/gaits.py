@@ -88,7 +88,7 @@ class Config:
 class Episode:
     """One episode of one controller."""
 
-    robot: str
+    task: str
     """Name."""
     controller: str
     """open-loop gait, or the network that was trained; greedy, on flat ground."""
@@ -190,18 +190,18 @@ def _records(
 
 def by_controller(table: pd.DataFrame) -> pd.Series:
     """Median frequency [Hz] by robot and controller, the slowest first; without the fallen."""
-    return table.groupby(["robot", "controller"]).frequency.median().dropna().sort_values()
+    return table.groupby(["task", "controller"]).frequency.median().dropna().sort_values()
 
 
 def shown(table: pd.DataFrame) -> pd.DataFrame:
     """Frequency of gaits by robot and controller: median, and range over episodes; speed."""
     records = []
-    for (robot, controller), own in table.groupby(["robot", "controller"], sort=False):
+    for (robot, controller), own in table.groupby(["task", "controller"], sort=False):
         found = own.frequency.dropna()
         speed = (own.distance / own.seconds).median()
         records.append(
             {
-                "robot": robot,
+                "task": robot,
                 "controller": controller,
                 "frequency [Hz]": f"{found.median():.1f} ({low_to_high(found, 1)})"
                 if len(found)

@@ -41,7 +41,7 @@ class Map:
 
     preset: str
     """author (code) or text (section 5.1 in metres)."""
-    robot: str
+    task: str
     """For which robot."""
     difficulty: float
     """d."""
@@ -137,7 +137,7 @@ def hilltop_density(table: pd.DataFrame) -> Finding:
     parts, near = [], []
     for preset in ("author", "text"):
         own = _plain(table, preset)
-        own = own[(own.robot == "Hopper") & (own.difficulty == 1)]
+        own = own[(own.task == "Hopper") & (own.difficulty == 1)]
         tops = mean_ci(own.tops)
         near.append(abs(tops.mean - 0.3) < 0.03)
         parts.append(f"{preset} preset {tops.mean:.3f} ± {tops.half_width:.3f} (n = {tops.n} maps)")
@@ -151,7 +151,7 @@ def hilltop_density(table: pd.DataFrame) -> Finding:
 def height_is_difficulty(table: pd.DataFrame) -> Finding:
     """Height of the highest hill over difficulty, by robot."""
     own = _plain(table, "author")
-    ratio = (own.highest / own.difficulty).groupby(own.robot).mean()
+    ratio = (own.highest / own.difficulty).groupby(own.task).mean()
     equal = (ratio - 1).abs() < 0.02
     evidence = f"The highest hill is as high as the difficulty for {', '.join(ratio.index[equal])}"
     evidence += "".join(f"; for the {r} it is {v:.2f} times that" for r, v in ratio[~equal].items())
@@ -163,7 +163,7 @@ def height_is_difficulty(table: pd.DataFrame) -> Finding:
 def higher_is_steeper(table: pd.DataFrame) -> Finding:
     """Height and slope at difficulty 1 over those at 0.5, on the same maps."""
     own = _plain(table, "author")
-    by = own.groupby(["robot", "map", "difficulty"])[["highest", "p95_slope"]].mean()
+    by = own.groupby(["task", "map", "difficulty"])[["highest", "p95_slope"]].mean()
     ratio = by.xs(1.0, level="difficulty") / by.xs(0.5, level="difficulty")
     return exact(
         (ratio > 1).all(axis=None),
@@ -176,7 +176,7 @@ def higher_is_steeper(table: pd.DataFrame) -> Finding:
 @effect_of("5.1-terrain-scale", maps)
 def scale(table: pd.DataFrame) -> str:
     """Slopes by the author's numbers and by the text's."""
-    at = (table.robot == "Hopper") & (table.difficulty == 1) & ~table.colour_map
+    at = (table.task == "Hopper") & (table.difficulty == 1) & ~table.colour_map
     slopes = table[at].groupby("preset")[["p95_slope", "steepest_flank"]].mean()
     author, text = slopes.loc["author"], slopes.loc["text"]
     return (
@@ -190,7 +190,7 @@ def scale(table: pd.DataFrame) -> str:
 @effect_of("5.1-terrain-colours", maps)
 def colours(table: pd.DataFrame) -> str:
     """Heights and slopes with the author's colour map and without."""
-    at = (table.robot == "Hopper") & (table.difficulty == 1) & (table.preset == "author")
+    at = (table.task == "Hopper") & (table.difficulty == 1) & (table.preset == "author")
     by = table[at].groupby("colour_map")[["median_height", "p95_slope"]].mean()
     return (
         f"Median height {by.loc[True, 'median_height']:.2f} m in place of "
@@ -204,7 +204,7 @@ def colours(table: pd.DataFrame) -> str:
 def valleys(table: pd.DataFrame) -> str:
     """How much of the ground lies below the floor."""
     own = _plain(table, "author")
-    low = own[own.robot == "Hopper"].groupby("difficulty").below_floor.mean()
+    low = own[own.task == "Hopper"].groupby("difficulty").below_floor.mean()
     parts = " and ".join(f"{share:.1%} at difficulty {d:g}" for d, share in low.items())
     return f"Ground that deep is {parts} of the hopper's maps."
 
@@ -222,7 +222,7 @@ class StartsConfig:
 class Start:
     """One robot put down on one map."""
 
-    robot: str
+    task: str
     """Name."""
     difficulty: float
     """d; 0 for the flat floor."""
@@ -275,7 +275,7 @@ def starts(config: StartsConfig, context: Context) -> list[Start]:
 def start_patch(table: pd.DataFrame) -> str:
     """How deep robots start in the ground by the author's patch and by ours."""
     own = table[table.difficulty.isin([0.0, 1.0])]
-    depth = own.groupby(["patch", "robot"]).depth.max().unstack()
+    depth = own.groupby(["patch", "task"]).depth.max().unstack()
     ground = own[own.patch == "author"].ground.max()
     ours = (depth.loc["centred"] - depth.loc["flat floor"]).abs().max()
     parts = ", ".join(f"{robot} {100 * d:.0f}" for robot, d in depth.loc["author"].items())

@@ -38,7 +38,7 @@ class Config:
 class Sensor:
     """One sensor under one controller."""
 
-    robot: str
+    task: str
     """Name."""
     controller: str
     """untrained or open-loop gait, on flat ground."""
@@ -108,7 +108,7 @@ def by_sensor(config: Config, context: Context) -> list[Sensor]:
 def joint_angle_range(table: pd.DataFrame) -> Finding:
     """Largest joint angle seen in each robot."""
     angles = table[table.group == "joint angle"]
-    largest = angles[["low", "high"]].abs().max(axis=1).groupby(angles.robot).max()
+    largest = angles[["low", "high"]].abs().max(axis=1).groupby(angles.task).max()
     beyond = largest[largest > np.pi / 2]
     parts = ", ".join(f"{robot} {value:.2f}" for robot, value in largest.items())
     evidence = f"Largest joint angles seen, rad, to be compared with π/2 = 1.57: {parts}."
@@ -122,7 +122,7 @@ def joint_angle_range(table: pd.DataFrame) -> Finding:
 @criterion("5.1-joint-velocities", by_sensor)
 def velocities_range_wider(table: pd.DataFrame) -> Finding:
     """Spread of joint velocities over that of joint angles, by robot and controller."""
-    spread = table.groupby(["robot", "controller", "group"]).sd.median().unstack()
+    spread = table.groupby(["task", "controller", "group"]).sd.median().unstack()
     ratio = spread["joint velocity"] / spread["joint angle"]
     return Finding(
         Verdict.REPRODUCED if (ratio > 1).all() else Verdict.NOT_REPRODUCED,
@@ -135,7 +135,7 @@ def velocities_range_wider(table: pd.DataFrame) -> Finding:
 def hit(table: pd.DataFrame) -> pd.Series:
     """Share of a robot's moving sensors that the noise hits significantly, under the gait."""
     own = table[(table.controller == NAME) & (table.sd > 0)]
-    return (own.sigma / own.sd >= SIGNIFICANT_SHARE).groupby(own.robot).mean()
+    return (own.sigma / own.sd >= SIGNIFICANT_SHARE).groupby(own.task).mean()
 
 
 @criterion("5.1-sigma-significant", by_sensor)
@@ -167,7 +167,7 @@ def figure(table: pd.DataFrame) -> Figure:
     groups = list(dict.fromkeys(table.group))
     fig, axes = plt.subplots(1, len(ROBOTS), sharey=True, sharex=True, figsize=(7.2, 3.6))
     for ax, robot in zip(axes, ROBOTS, strict=True):
-        own = table[table.robot == robot]
+        own = table[table.task == robot]
         for offset, (controller, colour) in zip((0.15, -0.15), CONTROLLERS.items(), strict=True):
             at = own[own.controller == controller]
             y = np.array([groups.index(g) for g in at.group])
@@ -192,6 +192,6 @@ def figure(table: pd.DataFrame) -> Figure:
 def shown(table: pd.DataFrame) -> pd.DataFrame:
     """Median of noise over spread under the gait, by kind of sensor (rows) and robot (columns)."""
     own = table[(table.sd > 0) & (table.controller == NAME)]
-    share = (own.sigma / own.sd).groupby([own.group, own.robot], sort=False).median()
+    share = (own.sigma / own.sd).groupby([own.group, own.task], sort=False).median()
     wide = share.unstack()[list(ROBOTS)]
     return wide.rename_axis(None, axis=1).rename_axis("kind of sensor").reset_index()

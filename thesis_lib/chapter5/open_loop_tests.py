@@ -43,7 +43,7 @@ class Config:
 class Run:
     """One test run of one gait."""
 
-    robot: str
+    task: str
     """Name."""
     search: int
     """Index of the search that found the gait."""
@@ -108,8 +108,8 @@ def runs(config: Config, context: Context) -> list[Run]:
 @effect_of("5.1-flat-field", runs)
 def flat_field(table: pd.DataFrame) -> str:
     """What the same gaits earn on the plane and on a flat height field."""
-    own = table[table.robot.isin(["HalfCheetah", "Ant"])]
-    by = own.groupby(["robot", "condition"]).episode_return.mean().unstack()
+    own = table[table.task.isin(["HalfCheetah", "Ant"])]
+    by = own.groupby(["task", "condition"]).episode_return.mean().unstack()
     parts = "; ".join(
         f"{robot} {row['regular']:.0f} on the plane, {row['flat field']:.0f} on a flat height field"
         for robot, row in by.iterrows()
@@ -129,7 +129,7 @@ def _printed(condition: str, robot: str) -> pd.Series:
 
 def shown(table: pd.DataFrame) -> pd.DataFrame:
     """The gaits' 1000-step returns and, in brackets, the range of the printed networks."""
-    mean = table.groupby(["robot", "condition", "search"]).episode_return.mean()
+    mean = table.groupby(["task", "condition", "search"]).episode_return.mean()
     records = []
     for robot in ROBOTS:
         record = {"task": robot}
@@ -145,7 +145,7 @@ def scores(table: pd.DataFrame, robots: Sequence[str]) -> pd.DataFrame:
     """Equation 5.4 for the seven printed networks and the open-loop gait together."""
     records = []
     for robot in robots:
-        own = table[table.robot == robot].groupby("condition").episode_return.mean()
+        own = table[table.task == robot].groupby("condition").episode_return.mean()
         base = _printed("regular", robot)
         for condition in ("noise", "switch"):
             perturbed = _printed(condition, robot)[base.index]

@@ -38,7 +38,7 @@ class Config:
 class Run:
     """One run of the gait."""
 
-    robot: str
+    task: str
     """Name."""
     start: str
     """reset, or struggle: after 200 steps of the untrained controller."""
@@ -89,7 +89,7 @@ def runs(config: Config, context: Context) -> list[Run]:
 @criterion("5.1-swimmer-recovers", runs)
 def swimmer_recovers(table: pd.DataFrame) -> Finding:
     """How far a gait moves the swimmer after a struggle and from a fresh start."""
-    own = table[table.robot == "Swimmer"]
+    own = table[table.task == "Swimmer"]
     fresh, after = (own[own.start == start].distance for start in ("reset", "struggle"))
     mean, late = mean_ci(fresh), mean_ci(after)
     margin = MARGIN * mean.mean

@@ -35,7 +35,7 @@ class Config:
 class Mode:
     """The worst mode of one network at one time constant."""
 
-    net: str
+    task: str
     """Task whose sizes the untrained network has, or leak alone (K = 0)."""
     seed: int
     """Of the weights."""
@@ -94,13 +94,13 @@ def modes(config: Config, context: Context) -> list[Mode]:
 
 def unstable(table: pd.DataFrame) -> pd.DataFrame:
     """Share of networks with a growing mode, ratios by integrators."""
-    own = table[table.net != ALONE]
+    own = table[table.task != ALONE]
     return (own.growth > 1 + EXACT).groupby([own.ratio, own.integrator]).mean().unstack()
 
 
 def longest_unstable_leak(table: pd.DataFrame) -> pd.Series:
     """Largest time constant over step at which the leak by itself grows, by integrator."""
-    own = table[(table.net == ALONE) & (table.growth > 1 + EXACT)]
+    own = table[(table.task == ALONE) & (table.growth > 1 + EXACT)]
     return own.groupby("integrator").ratio.max()
 
 
@@ -140,8 +140,8 @@ def reading(table: pd.DataFrame) -> str:
 def figure(table: pd.DataFrame) -> Figure:
     """Share of networks with a growing mode, by time constant over step."""
     fig, ax = plt.subplots(figsize=(7.2, 3.2))
-    nets = table[table.net != ALONE]
-    for (task, own), colour in zip(nets.groupby("net", sort=False), COLOURS, strict=False):
+    nets = table[table.task != ALONE]
+    for (task, own), colour in zip(nets.groupby("task", sort=False), COLOURS, strict=False):
         share = unstable(own)
         ax.plot(share.index, share.euler, "-", color=colour, lw=1.3, label=task)
         ax.plot(share.index, share.heun, "--", color=colour, lw=1.3)

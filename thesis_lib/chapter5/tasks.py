@@ -38,7 +38,7 @@ class Config:
 class Task:
     """A robot and its task."""
 
-    robot: str
+    task: str
     """Name of the robot and its task."""
     links: int
     """Rigid bodies of the model."""
@@ -111,7 +111,7 @@ def by_robot(config: Config, context: Context) -> list[Task]:
         links, joints, observation = PRINTED[name]
         records.append(
             Task(
-                robot=name,
+                task=name,
                 links=model.nbody - 1,
                 links_printed=links,
                 joints=robot.action_size,
@@ -139,7 +139,7 @@ def by_robot(config: Config, context: Context) -> list[Task]:
 @criterion("5.1-observation-sizes", by_robot)
 def observation_sizes(table: pd.DataFrame) -> Finding:
     """Entries of the observation against the printed ones, under either reading."""
-    by = table.set_index("robot")
+    by = table.set_index("task")
     agree = by.observation == by.observation_printed
     sizes = ", ".join(f"{robot} {size}" for robot, size in by.observation.items())
     evidence = f"The author's code gives {sizes}."
@@ -158,14 +158,14 @@ def links_and_joints(table: pd.DataFrame) -> Finding:
     evidence = f"Actuated joints agree for {joints.sum()} of {len(table)} robots, links for "
     evidence += f"{links.sum()}."
     for row in table[~links].itertuples():
-        evidence += f" The {row.robot} has {row.links} rigid bodies, not {row.links_printed}."
+        evidence += f" The {row.task} has {row.links} rigid bodies, not {row.links_printed}."
     return exact(links.all() and joints.all(), evidence)
 
 
 @effect_of("5.1-terrain-extent", by_robot)
 def distance_of_the_best(table: pd.DataFrame) -> str:
     """How far the best printed controllers get, by their returns."""
-    by = table.set_index("robot")
+    by = table.set_index("task")
     printed = published.load("table-c.1")
     ways = []
     for name in ("Hopper", "Ant"):
@@ -183,7 +183,7 @@ def sizes(table: pd.DataFrame) -> pd.DataFrame:
     """What the robots are and sense, ours beside the printed sizes."""
     return pd.DataFrame(
         {
-            "task": table.robot,
+            "task": table.task,
             "mass [kg]": table.mass,
             "links": _beside(table.links, table.links_printed),
             "motors": _beside(table.joints, table.joints_printed),
@@ -208,7 +208,7 @@ def rewards(table: pd.DataFrame) -> pd.DataFrame:
     ]
     return pd.DataFrame(
         {
-            "task": table.robot,
+            "task": table.task,
             "$c_a$": cost,
             "$c_F$": [f"{c:g}" for c in table.contact_cost],
             "$b$": [f"{b:g}" for b in table.alive_bonus],

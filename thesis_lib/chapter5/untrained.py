@@ -116,7 +116,7 @@ class Config:
 class Episode:
     """One episode of the untrained controller."""
 
-    robot: str
+    task: str
     """Name."""
     ground: str
     """plane, flat field (a height field of height 0), hills 0.5 or hills 1.0."""
@@ -178,7 +178,7 @@ def episodes(config: Config, context: Context) -> list[Episode]:
 @effect_of("5.1-cheetah-cost", episodes)
 def cheetah_cost(table: pd.DataFrame) -> str:
     """What the half-cheetah's actions cost, here and by the text."""
-    own = table[(table.robot == "HalfCheetah") & (table.ground == "plane")]
+    own = table[(table.task == "HalfCheetah") & (table.ground == "plane")]
     cost = -own.control.mean()
     return (
         "At most 0.27 a step, for full torque on all six joints. The untrained controller pays "
@@ -197,7 +197,7 @@ def divergences(table: pd.DataFrame) -> str:
 def shown(table: pd.DataFrame) -> pd.DataFrame:
     """Return by ground, and length on the plane: means with 95% intervals."""
     records = []
-    for robot, own in table.groupby("robot", sort=False):
+    for robot, own in table.groupby("task", sort=False):
         length = mean_ci(own[own.ground == "plane"].length)
         record = {"task": robot, "steps, plane": f"{length.mean:.0f} ± {length.half_width:.0f}"}
         for ground, group in own.groupby("ground", sort=False):
