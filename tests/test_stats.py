@@ -120,24 +120,6 @@ def test_kruskal_sees_a_shift():
 class TestScoreMatrices:
     """rliable's definitions: matrices of runs by tasks."""
 
-    X = np.array([[1.0, 5.0], [3.0, 7.0]])
-    Y = np.array([[2.0, 1.0], [3.0, 2.0], [4.0, 3.0]])
-
-    def test_probability_of_improvement_by_hand(self):
-        # Task 0: 1 beats none of 2, 3, 4; 3 beats 2 and ties 3: 1.5 of 6.  Task 1: all 6.
-        found = stats.probability_of_improvement(self.X, self.Y)
-        assert found == pytest.approx((1.5 / 6 + 1) / 2)
-
-    def test_probability_of_improvement_is_the_mean_of_scipys_mann_whitney(self):
-        rng = np.random.default_rng(0)
-        x, y = rng.integers(0, 9, (6, 4)), rng.integers(0, 9, (8, 4))
-        theirs = [scipy_stats.mannwhitneyu(x[:, t], y[:, t]).statistic / 48 for t in range(4)]
-        assert stats.probability_of_improvement(x, y) == pytest.approx(np.mean(theirs))
-
-    def test_other_tasks_are_refused(self):
-        with pytest.raises(ValueError, match="same tasks"):
-            stats.probability_of_improvement(self.X, self.Y[:, :1])
-
     def test_interval_of_one_task_agrees_with_scipys_bootstrap(self):
         x = np.random.default_rng(1).normal(size=(40, 1))
         ours = stats.stratified_bootstrap_ci(

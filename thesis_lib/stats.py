@@ -219,28 +219,6 @@ def iqm(scores: ArrayLike) -> float:
     return float(x[cut : len(x) - cut].mean())
 
 
-def probability_of_improvement(x: ArrayLike, y: ArrayLike) -> float:
-    """Probability that a run of x beats one of y on a task drawn at random.
-
-    Agarwal et al. (2021), *Deep RL at the edge of the statistical precipice*: the mean over tasks
-    of the Mann-Whitney statistic, P(X > Y) + P(X = Y) / 2.
-
-    Parameters
-    ----------
-    x, y
-        Scores, shapes ``(runs, tasks)``; the numbers of runs may differ.
-    """
-    a, b = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
-    if a.ndim != 2 or b.ndim != 2 or a.shape[1] != b.shape[1]:
-        raise ValueError(
-            f"scores have shapes {a.shape} and {b.shape}, but both must be (runs, tasks) with the "
-            "same tasks."
-        )
-    ahead = a[:, None] > b[None]
-    level = a[:, None] == b[None]
-    return float((ahead + 0.5 * level).mean())
-
-
 def stratified_bootstrap_ci(
     *scores: ArrayLike,
     statistic: Callable[..., float],
@@ -258,8 +236,7 @@ def stratified_bootstrap_ci(
     *scores
         Shapes ``(runs, tasks)``, each resampled by itself.
     statistic
-        Maps such matrices to a number, such as :func:`iqm` of one of them or
-        :func:`probability_of_improvement` of two.
+        Maps such matrices to a number, such as :func:`iqm` of one of them.
     rng, n_resamples, level
         As in :func:`bootstrap_ci`.
 

@@ -1,4 +1,14 @@
-"""Table 3.1: potentials on the episodic cliff (section 3.4.1)."""
+r"""Table 3.1: potentials on the episodic cliff (section 3.4.1).
+
+An entry is the mean over runs of what a learner that starts from :math:`Q_0 = \Phi` earns in all
+E episodes, of returns :math:`R_e`, on a task drawn from the domain,
+
+.. math:: \frac{1}{10^4} \, \mathbb{E} \sum_{e=1}^{E} R_e , \qquad
+          \Phi(x) = \frac{\sum_m D(m)\, p(x|m)\, Q_m(x)}{\sum_m D(m)\, p(x|m)} ,
+
+with :math:`Q^*_m`, :math:`\tilde Q_m` or :math:`Q^\mu_m` for :math:`Q_m` (equations 3.4 and 3.6 to
+3.8: ``potentials.q_star``, ``q_tilde`` and ``q_mu``), or 0 without shaping.
+"""
 
 from __future__ import annotations
 

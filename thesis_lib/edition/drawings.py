@@ -202,15 +202,13 @@ def draw_cliff(
     return ax
 
 
-def draw_triangle(layout: TriangleLayout, *, legend: bool = True, ax: Axes | None = None) -> Axes:
+def draw_triangle(layout: TriangleLayout, *, ax: Axes | None = None) -> Axes:
     """One triangle task (figure 3.3a): L dashed, R solid, U dotted.
 
     Parameters
     ----------
     layout
         The task; a red one has red states.
-    legend
-        Whether to name the three lines.
     ax
         Where to draw.
 
@@ -247,12 +245,11 @@ def draw_triangle(layout: TriangleLayout, *, legend: bool = True, ax: Axes | Non
             loop(ax, at[s], outward[s], style=style, colour=colour)
     node(ax, goal, "goal", face="white", radius=NODE)
     fit(ax, [*at.values(), goal, (1.6, 0), (-1.6, 0)], 0.75)
-    if legend:
-        handles = [
-            Line2D([], [], linestyle=style, color=colour, linewidth=1.6, label=action)
-            for action, (style, colour) in sides.items()
-        ]
-        ax.legend(handles=handles, loc="upper right", handlelength=2.4)
+    handles = [
+        Line2D([], [], linestyle=style, color=colour, linewidth=1.6, label=action)
+        for action, (style, colour) in sides.items()
+    ]
+    ax.legend(handles=handles, loc="upper right", handlelength=2.4)
     return ax
 
 
