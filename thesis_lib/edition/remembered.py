@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import asdict
 from functools import lru_cache, wraps
 from pathlib import Path
@@ -13,7 +11,7 @@ from typing import Any, TypeVar
 
 from thesis_lib.checkout import cache_folders, environment, repository_root
 from thesis_lib.edition.reach import digest, place
-from thesis_lib.files import replacing, writable_directory
+from thesis_lib.files import alone, writable_directory, write_json
 
 RecordT = TypeVar("RecordT")
 
@@ -44,11 +42,10 @@ def remembered(kind: type[RecordT]) -> Callable[[Callable[..., RecordT]], Callab
             file = _file(name)
             if file is None:
                 return function(*args)
-            with _alone(file.with_suffix(".lock")):
+            with alone(file.with_suffix(".lock")):
                 if (made := _read(file, kind)) is None:
                     made = function(*args)
-                    with replacing(file) as temporary:
-                        temporary.write_text(json.dumps(asdict(made)), encoding="utf-8")  # type: ignore[call-overload]
+                    write_json(file, asdict(made))  # type: ignore[call-overload]
                 return made
 
         return recalled
@@ -82,11 +79,3 @@ def _file(name: str) -> Path | None:
 def _tuples(value: Any) -> Any:
     """JSON's lists as the tuples they were."""
     return tuple(map(_tuples, value)) if isinstance(value, list) else value
-
-
-@contextmanager
-def _alone(file: Path) -> Iterator[None]:
-    """Let one process at a time make a result; the lock goes with it however it ends."""
-    with file.open("w", encoding="utf-8") as held:
-        fcntl.flock(held, fcntl.LOCK_EX)
-        yield
