@@ -21,6 +21,7 @@ from thesis_lib.chapter5.judging import (
     ahead,
     both,
     difference,
+    graded,
     leads,
     pick,
     together,
@@ -207,15 +208,9 @@ def less_distinct(source: str, table: pd.DataFrame) -> Evidence | None:
     if len(spread) < 2:
         return None
     flat, hill = spread.loc["flat"], spread.loc["hill"]
-    if hill.high < flat.low:
-        verdict = Verdict.REPRODUCED
-    elif hill.low > flat.high:
-        verdict = Verdict.REFUTED
-    else:
-        verdict = Verdict.DIRECTION if hill.value < flat.value else Verdict.NOT_REPRODUCED
     return _evidence(
         rows,
-        verdict,
+        graded(hill.high < flat.low, hill.value < flat.value, denied=hill.low > flat.high),
         "standard deviation over nets of their mean scores: "
         f"{hill.value:.3f} [{hill.low:.3f}, {hill.high:.3f}] trained on hills, {flat.value:.3f} "
         f"[{flat.low:.3f}, {flat.high:.3f}] trained on the flat.",
@@ -302,10 +297,7 @@ def _extreme(table: pd.DataFrame, source: str, robot: str, *, highest: bool) -> 
         return None
     first = by.idxmax() if highest else by.idxmin()
     count = int((first == robot).sum())
-    if count == by.shape[1]:
-        verdict = Verdict.REPRODUCED
-    else:
-        verdict = Verdict.DIRECTION if 2 * count > by.shape[1] else Verdict.NOT_REPRODUCED
+    verdict = graded(count == by.shape[1], 2 * count > by.shape[1])
     listed = ", ".join(f"{ground} {what} {name}" for (ground, what), name in first.items())
     which = "highest" if highest else "lowest"
     return _evidence(_means(table, source), verdict, f"the {which} mean score over nets: {listed}.")
@@ -342,12 +334,8 @@ def ant_hill_robust(source: str, table: pd.DataFrame) -> Evidence | None:
         sure.append(gap.mean() > 0 and p < ALPHA)
         place = by.mean().rank(ascending=False).Ant
         listed.append(f"under {what} {place:.0f} of {len(ROBOTS)} (p = {p:.2g})")
-    if all(sure):
-        verdict = Verdict.REPRODUCED
-    else:
-        verdict = Verdict.DIRECTION if all(above) else Verdict.NOT_REPRODUCED
     sentence = f"the hill-trained Ant ranks {' and '.join(listed)}, tested against the mean robot."
-    return _evidence(rows, verdict, sentence)
+    return _evidence(rows, graded(all(sure), all(above)), sentence)
 
 
 @both("5.7-varies-across-tasks", scores)

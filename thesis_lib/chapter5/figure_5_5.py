@@ -13,10 +13,9 @@ from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5 import cells
 from thesis_lib.chapter5.cells import EXTRA_NETS, NETS
 from thesis_lib.chapter5.contrasts import SMOKE, Config
-from thesis_lib.chapter5.judging import Evidence, both
+from thesis_lib.chapter5.judging import Evidence, both, graded
 from thesis_lib.chapter5.runs import ENOUGH, read_runs
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.ledger import Verdict
 from thesis_lib.edition.plots import COLOURS
 from thesis_lib.robustness import quadrants
 
@@ -97,12 +96,7 @@ def _behind(table: pd.DataFrame, source: str, net: str) -> Evidence | None:
     if rows.empty:
         return None
     row = rows.iloc[0]
-    if row.behind_high < 0:
-        verdict = Verdict.REFUTED
-    elif row.behind_low > 0:
-        verdict = Verdict.REPRODUCED
-    else:
-        verdict = Verdict.DIRECTION if row.behind > 0 else Verdict.NOT_REPRODUCED
+    verdict = graded(row.behind_low > 0, row.behind > 0, denied=row.behind_high < 0)
     sentence = (
         f"DFFWD less {net} {row.behind:+.3f} [{row.behind_low:.3f}, {row.behind_high:.3f}], "
         f"mean of {row.robots} robots."

@@ -112,6 +112,36 @@ def _own(ours: Evidence | None) -> Verdict:
     return ours.verdict
 
 
+def graded(holds: bool, direction: bool, denied: bool = False) -> Verdict:
+    """Reproduced; or else refuted, right in direction, or neither.
+
+    Parameters
+    ----------
+    holds
+        Whether the numbers show it.
+    direction
+        Whether they at least go its way.
+    denied
+        Whether they show the contrary.
+    """
+    if holds:
+        return Verdict.REPRODUCED
+    if denied:
+        return Verdict.REFUTED
+    return Verdict.DIRECTION if direction else Verdict.NOT_REPRODUCED
+
+
+def of_rows(rows: pd.DataFrame, verdict: Verdict, sentence: str) -> Evidence:
+    """Evidence from rows that say what runs and tasks are behind them."""
+    return Evidence(
+        verdict,
+        sentence,
+        int(rows.units.min()),
+        int(rows.tasks.min()),
+        bool(rows.printed_budget.all()),
+    )
+
+
 def together(parts: list[Evidence | None]) -> Evidence | None:
     """Evidence for a claim of several parts: as good as the weakest."""
     found = [part for part in parts if part is not None]
@@ -176,14 +206,13 @@ def ahead(
     if rows.empty:
         return None
     p_runs, p_tasks = _holm(rows.p_runs), _holm(rows.p_tasks)
-    if ((rows.difference < 0) & (p_runs < ALPHA)).any():
-        verdict = Verdict.REFUTED
-    elif ((rows.difference > 0) & (p_runs < ALPHA)).all():
-        enough = not tasks or bool((p_tasks < ALPHA).all())
-        verdict = Verdict.REPRODUCED if enough else Verdict.DIRECTION
-    else:
-        positive = (rows.difference > 0).all()
-        verdict = Verdict.DIRECTION if positive else Verdict.NOT_REPRODUCED
+    enough = not tasks or bool((p_tasks < ALPHA).all())
+    above, below = rows.difference > 0, rows.difference < 0
+    verdict = graded(
+        enough and (above & (p_runs < ALPHA)).all(),
+        above.all(),
+        denied=(below & (p_runs < ALPHA)).any(),
+    )
     least = rows.loc[rows.difference.idxmin()]
     sentence = (
         f"{least['first']} less {least.second} {difference(least)} "
@@ -191,13 +220,7 @@ def ahead(
         f"{f', the least of {len(rows)} differences' if len(rows) > 1 else ''}: "
         f"{_significant(p_runs)} over runs{_over_tasks(p_tasks, least)}."
     )
-    return Evidence(
-        verdict,
-        sentence,
-        units=int(rows.units.min()),
-        tasks=int(rows.tasks.min()),
-        printed_budget=bool(rows.printed_budget.all()),
-    )
+    return of_rows(rows, verdict, sentence)
 
 
 def pick(table: pd.DataFrame, source: str, measure: str, quadrant: str) -> pd.DataFrame:

@@ -19,7 +19,17 @@ from thesis_lib.chapter5.cell_table import (
 )
 from thesis_lib.chapter5.cells import NETS, ROBOTS, TEST_RUNS
 from thesis_lib.chapter5.contrasts import Config, comparisons
-from thesis_lib.chapter5.judging import ALPHA, Evidence, ahead, both, difference, minus, pick
+from thesis_lib.chapter5.judging import (
+    ALPHA,
+    Evidence,
+    ahead,
+    both,
+    difference,
+    graded,
+    minus,
+    of_rows,
+    pick,
+)
 from thesis_lib.chapter5.runs import CELL, DEFAULT, read_runs
 from thesis_lib.edition.experiment import Context, Experiment, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
@@ -85,12 +95,8 @@ def fnn_drops(source: str, table: pd.DataFrame) -> Evidence | None:
     drop = learning.difference - test.difference
     error = np.hypot(*((r.high - r.low) / (2 * norm.ppf(0.975)) for r in (learning, test)))
     p = 2 * norm.sf(abs(drop) / error)
-    if p < ALPHA:
-        verdict = Verdict.REPRODUCED if drop > 0 else Verdict.REFUTED
-    else:
-        verdict = Verdict.DIRECTION if drop > 0 else Verdict.NOT_REPRODUCED
     return Evidence(
-        verdict,
+        graded(drop > 0 and p < ALPHA, drop > 0, denied=p < ALPHA),
         minus(
             f"FNNs less RNNs {difference(learning)} in learning and {difference(test)} in the "
             f"regular test, a fall of {drop:.3f} (p = {p:.2g}, intervals taken as normal)."
@@ -114,10 +120,7 @@ def best_rnn(source: str, table: pd.DataFrame) -> Evidence | None:
     more = pd.Series({at: test.difference > 0 for at, test in tests.items()})
     sure = more & (p < ALPHA)
     by, clear = (part.groupby(level=0).sum() for part in (more, sure))
-    if 2 * sure.sum() > len(sure):
-        verdict = Verdict.REPRODUCED
-    else:
-        verdict = Verdict.DIRECTION if 2 * more.sum() > len(more) else Verdict.NOT_REPRODUCED
+    verdict = graded(2 * sure.sum() > len(sure), 2 * more.sum() > len(more))
     sentence = (
         f"the best RNN earns more than the best FNN on {by['flat']} of 5 rows trained on the flat "
         f"({clear['flat']} significantly, Welch, Holm) and {by['hill']} of 5 trained on hills "
@@ -135,13 +138,9 @@ def fnn_rugged(source: str, table: pd.DataFrame) -> Evidence | None:
         return None
     row = rows.iloc[0]
     below = row.difference < 0 and row.p_runs < ALPHA
-    return Evidence(
-        Verdict.REFUTED if below else Verdict.REPRODUCED,
-        f"FNNs less RNNs {difference(row)} of the best return on a task.",
-        int(row.units),
-        int(row.tasks),
-        bool(row.printed_budget),
-    )
+    verdict = Verdict.REFUTED if below else Verdict.REPRODUCED
+    sentence = f"FNNs less RNNs {difference(row)} of the best return on a task."
+    return of_rows(rows, verdict, sentence)
 
 
 @criterion("table-5.3-is-c.1", table_5_3, table_c_1)
@@ -197,14 +196,10 @@ def gait_quality(
     gap = np.arctanh(np.clip(with_hills, -LIMIT, LIMIT))
     gap -= np.arctanh(np.clip(with_noise, -LIMIT, LIMIT))
     p = float(ttest_1samp(gap, 0).pvalue)
-    if gap.mean() > 0:
-        verdict = Verdict.REPRODUCED if p < ALPHA else Verdict.DIRECTION
-    else:
-        verdict = Verdict.NOT_REPRODUCED
     return evidence(
         pd.concat(tables),
         source,
-        verdict,
+        graded(gap.mean() > 0 and p < ALPHA, gap.mean() > 0),
         minus(
             "rank correlation over nets between the regular return and the perturbed one, mean of "
             f"the robots: {with_hills.mean():.2f} under the switch and {with_noise.mean():.2f} "

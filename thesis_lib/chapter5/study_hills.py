@@ -18,10 +18,9 @@ from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5 import cells
 from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS, Cells
 from thesis_lib.chapter5.contrasts import SMOKE, Config
-from thesis_lib.chapter5.judging import Evidence, both
+from thesis_lib.chapter5.judging import Evidence, both, graded
 from thesis_lib.chapter5.runs import CELL, DEFAULT, ENOUGH, PRINTED_STEPS, Runs, read_runs
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.ledger import Verdict
 from thesis_lib.robustness import PERTURBATIONS, TRAINED_ON, retained
 
 FLOOR = 0.01
@@ -159,12 +158,7 @@ def _above_zero(table: pd.DataFrame, source: str, name: str, what: str) -> Evide
     if rows.empty:
         return None
     row = rows.iloc[0]
-    if row.low > 0:
-        verdict = Verdict.REPRODUCED
-    elif row.high < 0:
-        verdict = Verdict.REFUTED
-    else:
-        verdict = Verdict.DIRECTION if row.value > 0 else Verdict.NOT_REPRODUCED
+    verdict = graded(row.low > 0, row.value > 0, denied=row.high < 0)
     sentence = f"{what} {row.value:+.2f} [{row.low:.2f}, {row.high:.2f}] on a logarithmic scale"
     if row.robots > 1:
         sentence += f"; with the {row.robots} robots as the unit p = {row.p_tasks:.2g}"

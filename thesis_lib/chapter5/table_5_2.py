@@ -28,7 +28,16 @@ from thesis_lib.chapter5.cell_table import (
 )
 from thesis_lib.chapter5.cells import GROUPS, LEARNING_RUNS, NETS
 from thesis_lib.chapter5.contrasts import Config, comparisons
-from thesis_lib.chapter5.judging import ALPHA, Evidence, ahead, both, difference, leads, pick
+from thesis_lib.chapter5.judging import (
+    ALPHA,
+    Evidence,
+    ahead,
+    both,
+    difference,
+    graded,
+    leads,
+    pick,
+)
 from thesis_lib.chapter5.runs import ENOUGH, read_runs
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
@@ -76,14 +85,11 @@ def esn_below(source: str, table: pd.DataFrame) -> Evidence | None:
     gap = by.ESN - by.drop(columns="ESN").mean(axis=1)
     p = float(ttest_1samp(gap, 0).pvalue)
     rank = by.rank(axis=1, ascending=False).ESN.mean()
-    if 2 * (gap < 0).sum() <= len(gap):
-        verdict = Verdict.NOT_REPRODUCED
-    else:
-        verdict = Verdict.REPRODUCED if p < ALPHA else Verdict.DIRECTION
+    most = 2 * (gap < 0).sum() > len(gap)
     return evidence(
         table,
         source,
-        verdict,
+        graded(most and p < ALPHA, most),
         f"the ESN is below the mean of the other nets on {(gap < 0).sum()} of {len(gap)} rows (the "
         f"ant's, which were not completed, left out; p = {p:.2g} over rows), mean rank {rank:.1f} "
         f"of {len(NETS)}.",
@@ -128,10 +134,7 @@ def hopper_vanilla(source: str, table: pd.DataFrame) -> Evidence | None:
     ]
     significant = [t.difference > 0 and t.p_value < ALPHA for t in tests]
     above = [t.difference > 0 for t in tests]
-    if significant and all(significant):
-        verdict = Verdict.REPRODUCED
-    else:
-        verdict = Verdict.DIRECTION if above and all(above) else Verdict.NOT_REPRODUCED
+    verdict = graded(known and all(significant), known and all(above))
     listed = ", ".join(f"{net} {table.loc[net, value]:.0f}" for net in GROUPS["RNNs"])
     sentence = (
         f"mean returns {listed}; {sum(significant)} of {len(tests)} differences between a vanilla "
@@ -153,15 +156,11 @@ def bold(source: str, table: pd.DataFrame) -> Evidence | None:
         for (ground, robot), row in lead.iterrows()
         if row.sum() <= 2
     )
-    if alone.any():
-        verdict = Verdict.REPRODUCED
-    else:
-        verdict = Verdict.DIRECTION if some else Verdict.NOT_REPRODUCED
     sentence = (
         f"one net is significantly better than all others on {alone.sum()} of {len(lead)} rows; "
         f"on {some} a leading group is better than some. Led by one or two: {groups or 'none'}."
     )
-    return evidence(table, source, verdict, sentence)
+    return evidence(table, source, graded(alone.any(), some > 0), sentence)
 
 
 def _spread(table: pd.DataFrame, source: str) -> tuple[pd.Series, pd.Series]:
@@ -187,12 +186,8 @@ def rnn_vary(source: str, table: pd.DataFrame) -> Evidence | None:
         larger.append(ratio.mean() > 0)
         sure.append(ratio.mean() > 0 and p < ALPHA)
         listed.append(f"in {name} {np.exp(ratio.mean()):.2f} times that of FNNs (p = {p:.2g})")
-    if all(sure):
-        verdict = Verdict.REPRODUCED
-    else:
-        verdict = Verdict.DIRECTION if any(larger) else Verdict.NOT_REPRODUCED
     sentence = f"RNNs' standard error over learning runs is {' and '.join(listed)}."
-    return evidence(table, source, verdict, sentence)
+    return evidence(table, source, graded(all(sure), any(larger)), sentence)
 
 
 @both("6.1-fnn-stable", entries)
@@ -203,15 +198,12 @@ def fnn_stable(source: str, table: pd.DataFrame) -> Evidence | None:
     _, relative = _spread(table, source)
     less = relative.FNNs < relative.RNNs
     p = float(binomtest(int(less.sum()), len(less)).pvalue)
-    if 2 * less.sum() <= len(less):
-        verdict = Verdict.NOT_REPRODUCED
-    else:
-        verdict = Verdict.REPRODUCED if p < ALPHA else Verdict.DIRECTION
+    most = 2 * less.sum() > len(less)
     sentence = (
         f"their relative standard error is lower on {less.sum()} of {len(less)} rows (sign test "
         f"p = {p:.2g})."
     )
-    return evidence(table, source, verdict, sentence)
+    return evidence(table, source, graded(most and p < ALPHA, most), sentence)
 
 
 @criterion("table-5.2-means", entries)
@@ -227,12 +219,8 @@ def means(table: pd.DataFrame) -> Finding:
         )
     inside = (there.low <= there.printed) & (there.printed <= there.high)
     total, p = combined(there.p_printed)
-    if p >= ALPHA:
-        verdict = Verdict.REPRODUCED
-    else:
-        verdict = Verdict.DIRECTION if inside.mean() >= 0.5 else Verdict.NOT_REPRODUCED
     return Finding(
-        verdict,
+        graded(p >= ALPHA, inside.mean() >= 0.5),
         f"{inside.sum()} of {len(there)} printed means at the printed budget lie inside our 95% "
         f"interval over seeds; all together chi-square {total:.1f} on {len(there)} degrees of "
         f"freedom, p = {p:.2g}.",

@@ -16,7 +16,7 @@ from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5 import cells
 from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS, TESTED, Cells
 from thesis_lib.chapter5.contrasts import SMOKE, Config
-from thesis_lib.chapter5.judging import ALPHA, Evidence, both, together
+from thesis_lib.chapter5.judging import ALPHA, Evidence, both, graded, of_rows, together
 from thesis_lib.chapter5.runs import ENOUGH, read_runs
 from thesis_lib.edition.criteria import judged
 from thesis_lib.edition.experiment import Context, experiment
@@ -155,16 +155,6 @@ def _rows(table: pd.DataFrame, source: str, perturbation: str) -> pd.DataFrame:
     return rows
 
 
-def _evidence(rows: pd.DataFrame, verdict: Verdict, sentence: str) -> Evidence:
-    return Evidence(
-        verdict,
-        sentence,
-        int(rows.units.min()),
-        int(rows.tasks.min()),
-        bool(rows.printed_budget.all()),
-    )
-
-
 def _bounds(rows: pd.DataFrame) -> str:
     listed = ", ".join(f"{r.low:.2f} to {r.high:.2f} ({r.Index})" for r in rows.itertuples())
     where = "under noise" if (rows.perturbation == "noise").all() else "over the switch"
@@ -180,13 +170,8 @@ def improves(table: pd.DataFrame, source: str, perturbation: str) -> Evidence | 
     rows = _rows(table, source, perturbation).reindex(list(GROUPS["RNNs"]))
     if rows.value.isna().any():
         return None
-    if (rows.high < 1).any():
-        verdict = Verdict.REFUTED
-    elif (rows.low > 1).all():
-        verdict = Verdict.REPRODUCED
-    else:
-        verdict = Verdict.DIRECTION if (rows.value > 1).all() else Verdict.NOT_REPRODUCED
-    return _evidence(rows, verdict, f"{_bounds(rows)}.")
+    verdict = graded((rows.low > 1).all(), (rows.value > 1).all(), denied=(rows.high < 1).any())
+    return of_rows(rows, verdict, f"{_bounds(rows)}.")
 
 
 def leaves(table: pd.DataFrame, source: str, perturbation: str) -> Evidence | None:
@@ -198,7 +183,7 @@ def leaves(table: pd.DataFrame, source: str, perturbation: str) -> Evidence | No
         verdict = Verdict.REFUTED
     else:
         verdict = Verdict.REPRODUCED if (rows.high >= 1).all() else Verdict.DIRECTION
-    return _evidence(rows, verdict, f"{_bounds(rows)}.")
+    return of_rows(rows, verdict, f"{_bounds(rows)}.")
 
 
 def not_helped(table: pd.DataFrame, source: str, perturbation: str) -> Evidence | None:
@@ -207,7 +192,7 @@ def not_helped(table: pd.DataFrame, source: str, perturbation: str) -> Evidence 
     if rows.value.isna().any():
         return None
     verdict = Verdict.REFUTED if (rows.low > 1).any() else Verdict.REPRODUCED
-    return _evidence(rows, verdict, f"{_bounds(rows)}.")
+    return of_rows(rows, verdict, f"{_bounds(rows)}.")
 
 
 @both("5.5.2-hill-helps-rnns", ratios)
@@ -249,11 +234,9 @@ def esn_improves_least(source: str, table: pd.DataFrame) -> Evidence | None:
     if rows.value.isna().any():
         return None
     esn, others = rows.loc["ESN"], rows.drop(index="ESN")
-    if esn.value > others.value.min():
-        verdict = Verdict.NOT_REPRODUCED
-    else:
-        verdict = Verdict.REPRODUCED if esn.high < others.low.min() else Verdict.DIRECTION
-    return _evidence(
+    least = esn.value <= others.value.min()
+    verdict = graded(least and esn.high < others.low.min(), least)
+    return of_rows(
         rows,
         verdict,
         "under noise training on hills multiplies the share that the ESN keeps by "
@@ -270,7 +253,7 @@ def helps_gated(source: str, table: pd.DataFrame) -> Evidence | None:
     if rows.value.isna().any():
         return None
     verdict = Verdict.REPRODUCED if (rows.low > 1).all() else Verdict.NOT_REPRODUCED
-    return _evidence(rows, verdict, f"{_bounds(rows)}.")
+    return of_rows(rows, verdict, f"{_bounds(rows)}.")
 
 
 @both("ch5-hill-every-robot", ratios)
@@ -282,7 +265,7 @@ def helps_on_every_robot(source: str, table: pd.DataFrame) -> Evidence | None:
     worse = rows.least < 1
     verdict = Verdict.REFUTED if worse.all() else Verdict.NOT_REPRODUCED
     listed = ", ".join(f"{r.Index} {r.least_robot} {r.least:.2f}" for r in rows.itertuples())
-    return _evidence(
+    return of_rows(
         rows, Verdict.REPRODUCED if not worse.any() else verdict, f"the least ratio: {listed}."
     )
 
