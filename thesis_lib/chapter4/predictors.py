@@ -81,7 +81,7 @@ class Predicted(Rated):
 
 
 @dataclass(frozen=True)
-class Setting:
+class Case:
     """One experiment of a figure.
 
     Attributes
@@ -116,7 +116,7 @@ def _table(
     *,
     target: Target = "Q_star",
     irrelevant: tuple[str, ...] = (),
-) -> Setting:
+) -> Case:
     """An experiment on a domain with tables."""
     solved = solve_domain(make(), learner, context, target=target, irrelevant=irrelevant)
 
@@ -124,14 +124,14 @@ def _table(
         tasks = Trial(solved, learner, n, rng)
         return lambda phi: tasks.mean_return(phi.reshape(solved.domain.shape))
 
-    return Setting(
+    return Case(
         *(figure, fstek, flat, solved.truth),
         observe=lambda n, rng: solved.solutions.take(solved.domain.sample(n, rng)),
         trial=trial,
     )
 
 
-def _heat(sensor: float, context: Context) -> Setting:
+def _heat(sensor: float, context: Context) -> Case:
     """The first episodes on the heat domain, at one level of noise."""
     config = heat_runs.Config()
     space = config.space.with_noise(sensor)
@@ -153,12 +153,12 @@ def _heat(sensor: float, context: Context) -> Setting:
 
         return mean_return
 
-    return Setting("4.7", config.fstek, "unsure", config.truth, observe, trial)
+    return Case("4.7", config.fstek, "unsure", config.truth, observe, trial)
 
 
 _TRIANGLE, _CLIFF, _STOCK = figure_4_3.Config(), figure_4_4.Config(), figure_4_6.Config()
 
-TABLES: Mapping[str, Callable[[Context], Setting]] = {
+TABLES: Mapping[str, Callable[[Context], Case]] = {
     "triangle": partial(
         _table, "4.3", triangle, _TRIANGLE.learner, _TRIANGLE.fstek, _TRIANGLE.flat
     ),
@@ -195,7 +195,7 @@ TABLES: Mapping[str, Callable[[Context], Setting]] = {
 }
 """The experiments of figures 4.3 to 4.6."""
 
-HEAT: Mapping[str, Callable[[Context], Setting]] = {
+HEAT: Mapping[str, Callable[[Context], Case]] = {
     f"heat, noise {sensor:g}": partial(_heat, sensor) for sensor in heat_runs.Config().sensors
 }
 """Those of figures 4.7 and 4.8: the return of the first five episodes, and the rates."""
@@ -228,19 +228,19 @@ def on_heat(config: Config, context: Context) -> list[Predicted]:
 
 
 def _measured(
-    known: Mapping[str, Callable[[Context], Setting]], config: Config, context: Context
+    known: Mapping[str, Callable[[Context], Case]], config: Config, context: Context
 ) -> list[Predicted]:
     rows = []
     for name in config.settings:
         one_of("settings", name, tuple(known))
         seeds = context.seeds(config.runs, 44, tuple(known).index(name))
-        setting = known[name](context)
-        runs = Run.stack(context.map(partial(_run, setting, config), seeds, name))
+        case = known[name](context)
+        runs = Run.stack(context.map(partial(_run, case, config), seeds, name))
         for (i, method), (j, n) in product(enumerate(METHODS), enumerate(config.tasks_seen)):
             none, fstek = (runs.ahead_of(j, i, METHODS.index(o)) for o in ("none", "fs-tek"))
             rows.append(
                 Predicted(
-                    figure=setting.figure,
+                    figure=case.figure,
                     setting=name,
                     method=method,
                     tasks_seen=n,
@@ -248,20 +248,20 @@ def _measured(
                     over_none_ci95=none.half_width,
                     over_fstek=fstek.mean,
                     over_fstek_ci95=fstek.half_width,
-                    **runs.rated(j, i, setting.truth),
+                    **runs.rated(j, i, case.truth),
                 )
             )
     return rows
 
 
-def _run(setting: Setting, config: Config, seed: np.random.SeedSequence) -> Run:
+def _run(case: Case, config: Config, seed: np.random.SeedSequence) -> Run:
     """One sequence of tasks; all selectors see the same and are tested on the same."""
     rng = np.random.default_rng(seed)
-    seen = setting.observe(max(config.tasks_seen), rng)
+    seen = case.observe(max(config.tasks_seen), rng)
     earned, choices = [], []
     for n in config.tasks_seen:
-        own, mean_return = seen.take(np.arange(n)), setting.trial(config.tests, rng)
-        selectors = _selectors(setting)
+        own, mean_return = seen.take(np.arange(n)), case.trial(config.tests, rng)
+        selectors = _selectors(case)
         choices.append([choose(selector, own) for selector in selectors])
         tried: dict[bytes, float] = {}
         found = []
@@ -281,9 +281,9 @@ def _run(setting: Setting, config: Config, seed: np.random.SeedSequence) -> Run:
     return Run.of(earned, choices)
 
 
-def _selectors(setting: Setting) -> list[Selector]:
+def _selectors(case: Case) -> list[Selector]:
     """In the order of :data:`METHODS`."""
-    fstek = FSTEK(alpha=level(setting.fstek), flat=setting.flat)
+    fstek = FSTEK(alpha=level(case.fstek), flat=case.flat)
     return [NoSelection(), fstek, IBKR(), JackknifeF(), LeaveOneTaskOut(), Shrinkage()]
 
 
