@@ -21,6 +21,7 @@ READERS = {
     BY_NAME: "results",
     "thesis_lib.edition.roots": "results/claims",
     "thesis_lib.edition.deepest": "results/thesis",
+    "thesis_lib.edition.remembered": "results/remembered",
     "thesis_lib.chapter5.runs": "results/study",
     "thesis_lib.chapter5.calibration": "results/calibration",
     "thesis_lib.chapter5.gain_trained": "results/trained",
