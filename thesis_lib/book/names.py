@@ -82,11 +82,11 @@ def tell_attributes_apart() -> None:
     """Let napoleon read ``low, high`` among attributes as two, as it does among arguments."""
     from sphinx.ext.napoleon.docstring import NumpyDocstring
 
-    parse = NumpyDocstring._parse_attributes_section
+    as_one = NumpyDocstring._parse_attributes_section
 
     def parse_each(docstring: Any, section: str) -> list[str]:
         docstring._consume_fields = partial(docstring._consume_fields, multiple=True)
-        lines: list[str] = parse(docstring, section)
+        lines: list[str] = as_one(docstring, section)
         del docstring._consume_fields
         return lines
 
