@@ -178,7 +178,8 @@ def figure(table: pd.DataFrame) -> Figure:
         ax.plot([row.low, row.high], [place, place], color=colour, lw=1.4)
         sure = row.p_holm < LEVEL
         ax.plot(row.difference, place, "o", color=colour, mfc=colour if sure else "white")
-        changed = row.changed.replace("_", " ").replace("=", " ")
+        switched = row.changed.replace("=True", " on").replace("=False", " off")
+        changed = switched.replace("_", " ").replace("=", " ")
         names.append(textwrap.fill(f"{NAMES[row.architecture]}: {changed}", 36))
     ax.set_yticks(range(len(names)), names, fontsize=8.5)
     ax.set(ylim=(len(names) - 0.5, -0.5), xlabel="difference in return")
