@@ -70,7 +70,7 @@ class Return:
     smoke=Config(domains=("triangle",), steps=(100,), repeats=2, n_sources=2),
     book=Config(repeats=5),
     thesis=Config(),
-    seconds=12,
+    seconds=19,
     was="section-3.6-two-values",
 )
 def learned_on_the_side(config: Config, context: Context) -> list[Return]:

@@ -35,7 +35,7 @@ class Steps:
     """Largest difference from the sum over all sequences, k up to 4."""
 
 
-@experiment("theorem-2", item="Theorem 2", smoke=SMOKE, book=BOOK, thesis=Config(), seconds=5)
+@experiment("theorem-2", item="Theorem 2", smoke=SMOKE, book=BOOK, thesis=Config(), seconds=8)
 def steps(config: Config, context: Context) -> list[Steps]:
     """Whether steps of k-relevance contract, and the law they follow, in random domains."""
     records = []

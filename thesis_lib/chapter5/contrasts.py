@@ -82,7 +82,7 @@ class Contrast:
     """Whether all cells learned for as many steps as the thesis's."""
 
 
-@experiment("ch5-comparisons", item="Sections 5.5 to 5.7", smoke=SMOKE, book=BOOK, seconds=1)
+@experiment("ch5-comparisons", item="Sections 5.5 to 5.7", smoke=SMOKE, book=BOOK, seconds=2)
 def comparisons(config: Config, context: Context) -> list[Contrast]:
     """Differences between nets in learning, at test and in robustness, printed and ours."""
     store = read_runs(config.store)

@@ -116,7 +116,7 @@ class Episode:
     ),
     book=Config(),
     thesis=Config(searches=10),
-    seconds=170,
+    seconds=25,
     was="section-5.5.2-gaits",
 )
 def episodes(config: Config, context: Context) -> list[Episode]:

@@ -242,7 +242,7 @@ class Start:
     smoke=StartsConfig(n_maps=2, difficulties=(1.0,)),
     book=StartsConfig(),
     thesis=StartsConfig(n_maps=100),
-    seconds=4,
+    seconds=7,
     was="starts-5.1",
 )
 def starts(config: StartsConfig, context: Context) -> list[Start]:

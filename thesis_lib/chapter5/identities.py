@@ -45,7 +45,7 @@ class Gap:
     item="Section 5.2",
     smoke=Config(steps=20, seeds=2),
     book=Config(),
-    seconds=0.2,
+    seconds=0.1,
     was="section-5.2-identities",
 )
 def gaps(config: Config, context: Context) -> list[Gap]:

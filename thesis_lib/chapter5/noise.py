@@ -68,9 +68,9 @@ class Sensor:
     "ch5-noise",
     item="Section 5.1, Sensor noise",
     smoke=Config(search=SMOKE_SEARCH, n_episodes=3, horizon=40),
-    book=Config(),
+    book=Config(n_episodes=20),
     thesis=Config(n_episodes=400),
-    seconds=93,
+    seconds=39,
     was="noise-5.1",
 )
 def by_sensor(config: Config, context: Context) -> list[Sensor]:

@@ -65,7 +65,7 @@ class Run:
     smoke=Config(search=SMOKE_SEARCH, searches=2, n_runs=2, steps=60),
     book=Config(),
     thesis=Config(searches=10),
-    seconds=220,
+    seconds=47,
     was="metronome-5.4",
 )
 def runs(config: Config, context: Context) -> list[Run]:

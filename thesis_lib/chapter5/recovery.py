@@ -53,7 +53,7 @@ class Run:
     item="Section 5.1.1, Swimmer",
     smoke=Config(search=SMOKE_SEARCH, n_runs=3, struggle=10, steps=20),
     book=Config(),
-    seconds=37,
+    seconds=7,
     was="recovery-5.1",
     claims_read={"robots": ("Swimmer",)},
 )
