@@ -34,12 +34,12 @@ def maker(calls: list[float], note: Path | None = None):  # type: ignore[no-unty
     """As another process has it: nothing in memory."""
 
     @remembered(Made)
-    def third(x: float) -> Made:
+    def third(x: float, of: int = 3) -> Made:
         calls.append(x)
         if note is not None:
             with note.open("a", encoding="utf-8") as file:
                 file.write("made\n")
-        return Made(x / 3, "π", ((0.1, x), (float("inf"),)))
+        return Made(x / of, "π", ((0.1, x), (float("inf"),)))
 
     return third
 
@@ -50,6 +50,12 @@ def test_made_once_and_equal_to_the_last_bit(calls: list[float]) -> None:
     assert calls == [1.0]
     maker(calls)(2.0)
     assert calls == [1.0, 2.0]
+
+
+def test_an_argument_left_out_is_its_default(calls: list[float]) -> None:
+    assert maker(calls)(1.0) == maker(calls)(1.0, 3)
+    assert calls == [1.0]
+    assert maker(calls)(1.0, 4).number == 1 / 4
 
 
 @pytest.mark.parametrize("changed", ["code", "versions"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 from collections.abc import Callable
 from dataclasses import asdict
@@ -32,10 +33,14 @@ def remembered(kind: type[RecordT]) -> Callable[[Callable[..., RecordT]], Callab
     """
 
     def decorate(function: Callable[..., RecordT]) -> Callable[..., RecordT]:
+        asked = inspect.signature(function)
+
         @lru_cache(maxsize=64)
         @wraps(function)
         def recalled(*args: Any) -> RecordT:
-            state = digest([place(recalled)], repr(args), repr(environment()["versions"]))
+            given = asked.bind(*args)
+            given.apply_defaults()
+            state = digest([place(recalled)], repr(given.args), repr(environment()["versions"]))
             name = f"{function.__name__}-{state}.json"
             if (made := _read(committed() / name, kind)) is not None:
                 return made
