@@ -161,6 +161,8 @@ def test_pages_tell_the_verdict_over_roots_and_the_one_here():
     assert here.in_words() == "reproduced (9 of 10; here refuted)"
     assert replace(here, finding=Finding(REPRODUCED, "4")).in_words() == "reproduced (9 of 10)"
     assert replace(here, over=None).in_words() == "refuted"
+    none = OverRoots({Verdict.NOT_RUN: 8}, "book", "", False)
+    assert replace(here, over=none).in_words() == "not run"
     row = _rows(here)
     assert "`thesis claims often --seeds 10`" in row
     assert "over roots are of earlier code or runs" in row

@@ -304,7 +304,7 @@ class Judgement:
 
     def in_words(self) -> str:
         """The verdict with its frequency, and that of the finding where it is another."""
-        if self.over is None or self.over.exact:
+        if self.over is None or self.over.exact or self.verdict is Verdict.NOT_RUN:
             return str(self.verdict)
         words = f"{self.verdict} ({self.over.frequency}"
         if self.finding.verdict not in (self.verdict, Verdict.NOT_RUN):
