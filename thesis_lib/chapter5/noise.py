@@ -70,7 +70,7 @@ class Sensor:
     smoke=Config(search=SMOKE_SEARCH, n_episodes=3, horizon=40),
     book=Config(n_episodes=20),
     thesis=Config(n_episodes=400),
-    seconds=39,
+    seconds=4,
     was="noise-5.1",
 )
 def by_sensor(config: Config, context: Context) -> list[Sensor]:
