@@ -205,6 +205,25 @@ class TestProtocol:
         ]
         np.testing.assert_allclose(runs.returns[1, 0, self.at("none"), :2], np.mean(got, axis=0))
 
+    def test_places_are_the_same_whether_they_were_tested_before_or_not(self, runs, monkeypatch):
+        def chosen():
+            return heat_runs.measure_heat(TINY, SHORT.with_noise(0.02), CONTEXT, test=False)
+
+        monkeypatch.setattr(heat_runs, "_TESTED", {})
+        afresh = chosen()
+        assert heat_runs._TESTED == {}
+        monkeypatch.setattr(HeatSpace, "learn", None)
+        with pytest.raises(TypeError):
+            chosen()
+        key = repr((TINY, SHORT.with_noise(0.02), CONTEXT.seed))
+        heat_runs._TESTED[key] = runs
+        kept = chosen()
+        for one in (afresh, kept):
+            np.testing.assert_array_equal(one.support, runs.support)
+            np.testing.assert_array_equal(one.unsure, runs.unsure)
+            assert one.returns.shape == runs.returns.shape
+            assert np.isnan(one.returns).all()
+
     def test_observed_tasks_can_be_learned_with_the_potential_so_far(self):
         tasks = SHORT.sample_tasks(3, np.random.default_rng(2))
         shaped = heat_runs.learn_in_turn(SHORT, tasks, np.random.default_rng(5), "shaped")
