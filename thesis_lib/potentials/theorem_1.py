@@ -184,12 +184,14 @@ def mean_distance_minimiser(
     shape = (len(task), n_pairs + n_tasks)
     above = sparse.coo_matrix((one, (row, pair)), shape)
     slack = sparse.coo_matrix((one, (row, n_pairs + task)), shape)
-    solution = optimize.linprog(
+    # No variable is an integer: this way SciPy checks and rewrites less than by linprog.
+    solution = optimize.milp(
         np.concatenate([np.zeros(n_pairs), w]),
-        A_ub=sparse.vstack([above - slack, -above - slack]).tocsr(),
-        b_ub=np.concatenate([value, -value]),
-        bounds=[(None, None)] * n_pairs + [(floor, None)] * n_tasks,
-        method="highs",
+        constraints=optimize.LinearConstraint(
+            sparse.vstack([above - slack, -above - slack]).tocsc(),
+            ub=np.concatenate([value, -value]),
+        ),
+        bounds=optimize.Bounds(np.repeat([-np.inf, floor], [n_pairs, n_tasks])),
     )
     if not solution.success:
         raise RuntimeError(f"the linear programme was not solved: {solution.message}")

@@ -27,6 +27,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import linalg
 
 from thesis_lib.arrays import BoolArray, FloatArray
 from thesis_lib.mdp.checks import one_of
@@ -198,8 +199,9 @@ def _span(columns: FloatArray) -> FloatArray:
     """Orthonormal basis of the span of some columns."""
     if columns.shape[1] == 0:
         return np.empty((len(columns), 0))
-    basis, size, _ = np.linalg.svd(columns, full_matrices=False)
-    return basis[:, size > RANK * max(size[0], np.finfo(float).tiny)]
+    basis, triangle, _ = linalg.qr(columns, mode="economic", pivoting=True, check_finite=False)
+    size = np.abs(np.diag(triangle))
+    return np.asarray(basis[:, size > RANK * max(size[0], np.finfo(float).tiny)])
 
 
 def increment_covariance(

@@ -53,10 +53,25 @@ class Networks:
         inputs
             Shape ``(N, I)``.
         """
+        return self.outputs(self.sums(inputs))
+
+    def sums(self, inputs: ArrayLike, which: ArrayLike | None = None) -> FloatArray:
+        """What inputs add to the sums of all hidden units, shape ``(N, B H)``.
+
+        Parameters
+        ----------
+        inputs
+            Shape ``(N, I)``, or ``(N, J)`` of the inputs ``which``.
+        which
+            Mask of J of the inputs, shape ``(I,)``; default all.
+        """
         x = np.asarray(inputs, dtype=self.weights.dtype)
-        count, n_inputs, units = self.weights.shape
-        side_by_side = self.weights.transpose(1, 0, 2).reshape(n_inputs, -1)
-        hidden = np.tanh(x @ side_by_side + self.biases.ravel()).reshape(len(x), count, units)
+        side_by_side = self.weights.transpose(1, 0, 2).reshape(self.weights.shape[1], -1)
+        return x @ (side_by_side if which is None else side_by_side[which])
+
+    def outputs(self, sums: FloatArray) -> FloatArray:
+        """Outputs of every network, shape ``(B, N)``, from what :meth:`sums` gives."""
+        hidden = np.tanh(sums + self.biases.ravel()).reshape(len(sums), *self.heads.shape)
         return np.einsum("nbh,bh->bn", hidden, self.heads) + self.offsets[:, None]
 
     def single(self) -> Networks:

@@ -181,14 +181,15 @@ class NetworkF(FunctionSelector):
         whole = (centred * p) @ centred.T
         # Differences need no double precision, and most of the time goes into them.
         short, networks = inputs.astype(np.float32), networks.single()
-        values = networks(short)
+        sums, values = networks.sums(short), networks(short)
 
         def explained(kept: BoolArray) -> FloatArray:
             lost = np.zeros_like(whole)
             gone = ~kept @ uses.T
+            own = short[:, gone]
             for partner in donors:
-                mixed = np.where(gone, short[partner], short)
-                difference = root * (values - networks(mixed))
+                mixed = sums + networks.sums(own[partner] - own, gone)
+                difference = root * (values - networks.outputs(mixed))
                 lost += difference @ difference.T
             return whole - lost
 
