@@ -294,26 +294,26 @@ def _factors(
     """How many times fewer steps than the full table each method takes to the level."""
     full = METHODS.index("full")
 
-    def both(sample: FloatArray, i: int) -> tuple[float, float]:
-        mean = sample.mean(axis=0)
-        start, end = mean[full, 0], mean[full, -SMOOTH:].mean()
+    def both(sample: FloatArray) -> tuple[float, float]:
+        table, other = sample.mean(axis=0)
+        start, end = table[0], table[-SMOOTH:].mean()
         level = start + config.level * (end - start)
-        return reached(mean[full], level, every), reached(mean[i], level, every)
+        return reached(table, level, every), reached(other, level, every)
+
+    def ratio(sample: FloatArray) -> float:
+        slow, fast = both(sample)
+        # Neither may reach the level of a resample; then nothing is gained.
+        return slow / fast if np.isfinite(fast) else 0.0
 
     factors = {}
     for i, method in enumerate(METHODS):
-        slow, fast = both(curves, i)
+        own = curves[:, [full, i]]
+        fast = both(own)[1]
         rng = np.random.default_rng(np.random.SeedSequence(context.seed, spawn_key=(*key, i)))
-
-        def ratio(sample: FloatArray, i: int = i) -> float:
-            a, b = both(sample, i)
-            # Neither may reach the level of a resample; then nothing is gained.
-            return a / b if np.isfinite(b) else 0.0
-
-        low, high = bootstrap_ci(curves, ratio, rng=rng, n_resamples=config.resamples)
+        low, high = bootstrap_ci(own, ratio, rng=rng, n_resamples=config.resamples)
         factors[method] = {
             "steps_to_level": fast,
-            "factor": slow / fast if np.isfinite(fast) else 0.0,
+            "factor": ratio(own),
             "factor_low": low,
             "factor_high": high,
         }

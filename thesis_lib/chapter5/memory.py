@@ -96,7 +96,8 @@ def impulses(config: Config, context: Context) -> list[Forgetting]:
             else:
                 net = untrained_net(name, config.task, seed).double()
             along = random_direction(net.observation_size, context.seeds(1, seed)[0])
-            moved = respond(net, impulse, along) - respond(net, 0 * impulse, along)
+            with_and_without = respond(net, np.stack([impulse, 0 * impulse], axis=1), along)
+            moved = with_and_without[:, 0] - with_and_without[:, 1]
             size = np.abs(moved).max(axis=1)
             felt = np.flatnonzero(size >= LEFT * size.max())[-1] + 1
             steps = float(felt) if felt < config.steps else np.nan

@@ -7,6 +7,7 @@ The loop is open: the previous action a recurrent net may see is kept at 0.
 from __future__ import annotations
 
 from copy import deepcopy
+from typing import Any
 
 import numpy as np
 import torch
@@ -19,6 +20,12 @@ from thesis_lib.policies.base import GaussianPolicy
 SETTLED = 1e-6
 """Largest change of the state in a step at which a network counts as at rest."""
 
+SIDE_BY_SIDE = 8
+"""Most signals that :func:`measured_gain` feeds in at once."""
+
+AT_ONCE = 200
+"""Steps without input after which it is looked whether the network rests."""
+
 
 def respond(policy: GaussianPolicy, signal: ArrayLike, direction: ArrayLike) -> FloatArray:
     """Mean action while a signal is fed in.
@@ -28,21 +35,21 @@ def respond(policy: GaussianPolicy, signal: ArrayLike, direction: ArrayLike) -> 
     policy
         The network, from its initial state.
     signal
-        Shape ``(T,)``.
+        Shape ``(T,)``, or ``(T, B)`` for B signals side by side.
     direction
         What a signal of 1 adds to the observation, shape ``(D,)``; the rest is 0.
 
     Returns
     -------
     FloatArray
-        Shape ``(T, A)``.
+        Shape ``(T, A)`` or ``(T, B, A)``.
     """
     x = np.asarray(signal, dtype=np.float64)
-    observations = torch.as_tensor(np.outer(x, np.asarray(direction, dtype=np.float64)))[:, None]
-    actions = torch.zeros((len(x), 1, policy.action_size), dtype=torch.float64)
+    observations = torch.as_tensor(np.multiply.outer(x.reshape(len(x), -1), direction))
+    actions = torch.zeros((*observations.shape[:2], policy.action_size), dtype=torch.float64)
     with torch.no_grad():
         mean, _ = policy(observations, actions)
-    return mean[:, 0].double().numpy()
+    return mean.double().numpy().reshape(*x.shape, -1)
 
 
 def measured_gain(
@@ -75,7 +82,8 @@ def measured_gain(
     generator
         Its source.
     steps
-        Length of the signal; the first segment is left out as a transient.
+        Length of the noise, beyond a segment left out as a transient.  It comes as up to
+        :data:`SIDE_BY_SIDE` signals of at least two segments each, which takes less time than one.
     segment
         Length of a segment, which sets the resolution in frequency.
 
@@ -88,12 +96,14 @@ def measured_gain(
         raise ValueError(
             f"steps is {steps}, but at least two segments of {segment} steps are needed."
         )
-    x = amplitude * generator.standard_normal(steps)
+    rows = min(SIDE_BY_SIDE, steps // (2 * segment))
+    x = amplitude * generator.standard_normal((segment + steps // rows, rows))
     y = respond(policy, x, direction)[segment:]
-    x = x[segment:]
-    frequency, power = processing.welch(x, fs=1 / dt, nperseg=segment, detrend="constant")
-    _, cross = processing.csd(x[:, None], y, fs=1 / dt, nperseg=segment, detrend="constant", axis=0)
-    return frequency, np.abs(cross) / power[:, None]
+    x = x[segment:, :, None]
+    as_said: dict[str, Any] = {"fs": 1 / dt, "nperseg": segment, "detrend": "constant", "axis": 0}
+    frequency, power = processing.welch(x, **as_said)
+    _, cross = processing.csd(x, y, **as_said)
+    return frequency, np.abs(cross.mean(axis=1)) / power.mean(axis=1)
 
 
 def small_signal_gain(
@@ -207,14 +217,15 @@ def _without_input(
     """
     net = deepcopy(policy).double()  # double() works in place
     state = net.initial_state(1).detach()
-    zero = torch.zeros((1, net.observation_size), dtype=torch.float64)
-    action = torch.zeros((1, net.action_size), dtype=torch.float64)
-    change = np.inf
+    change = 0.0
     with torch.no_grad():
-        for _ in range(steps):
-            _, after = net.step(zero, action, state)
-            change = float((after - state).abs().max()) if state.numel() else 0.0
-            state = after
+        for done in range(0, steps if state.numel() else 0, AT_ONCE):
+            n = min(AT_ONCE, steps - done)
+            zeros = [torch.zeros((n, 1, m)) for m in (net.observation_size, net.action_size)]
+            _, after = net.run(net.inputs(*zeros).flatten(0, 1), [1] * n, state)
+            moved = (after - torch.cat([state, after[:-1]])).abs().amax(dim=1)
+            last = int((moved < SETTLED).int().argmax()) if (moved < SETTLED).any() else n - 1
+            state, change = after[last : last + 1], float(moved[last])
             if change < SETTLED:
                 break
     return net, state, change
