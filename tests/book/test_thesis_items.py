@@ -8,6 +8,7 @@ import nbformat
 import pytest
 
 from thesis_lib.book.thesis_items import ITEMS, Item, items_markdown, read_items
+from thesis_lib.book import thesis_numbers
 from thesis_lib.book.thesis_numbers import _number_items, letter, printed_numbers
 from thesis_lib.edition import chapters
 from thesis_lib.edition.ledger import Claim, Finding, Judgement, Verdict
@@ -112,3 +113,18 @@ def test_map_tells_run_and_verdict() -> None:
 def test_map_tells_how_much_was_run(experiment: str, made: str) -> None:
     page = items_markdown([Item("table", "1", "it", (), experiment, "", "")], [])
     assert f"| re-run {made}, `thesis run {experiment}` |" in page
+
+
+def test_a_page_is_read_once_for_all_its_numbers() -> None:
+    class Environment:
+        config = "the settings"
+        read: list[str] = []  # noqa: RUF012
+
+        def get_doctree(self, docname: str) -> str:
+            self.read.append(docname)
+            return docname.upper()
+
+    once = thesis_numbers._ReadOnce(Environment())
+    assert [once.get_doctree(name) for name in ("a", "b", "a")] == ["A", "B", "A"]
+    assert Environment.read == ["a", "b"]
+    assert once.config == "the settings"

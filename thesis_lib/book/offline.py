@@ -17,6 +17,7 @@ import logging
 import re
 import shutil
 from collections.abc import Set
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -194,13 +195,16 @@ def _shorten(app: Any, exception: Exception | None) -> None:
         return
     from PIL import Image
 
+    def lighter(file: Path) -> None:
+        with Image.open(file) as figure:
+            figure.save(file.with_suffix(".webp"), lossless=True)
+        file.unlink()
+
+    images = Path(app.outdir, "_images")
+    with ThreadPoolExecutor() as pool:  # the encoder lets go of the interpreter's lock
+        list(pool.map(lighter, images.glob("*.png")))
     sizes: dict[str, tuple[str, str]] = {}
-    for file in Path(app.outdir, "_images").glob("*.*"):
-        if file.suffix == ".png":
-            with Image.open(file) as figure:
-                figure.save(file.with_suffix(".webp"), lossless=True)
-            file.unlink()
-            file = file.with_suffix(".webp")
+    for file in images.glob("*.*"):
         if file.suffix == ".webp":
             with Image.open(file) as figure:
                 sizes[file.name] = (str(figure.width), str(figure.height))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -107,8 +108,23 @@ def _number_items(env: Any, printed: Mapping[tuple[str, str], str]) -> None:
                     numbers[node_id] = (known,)
 
 
+class _ReadOnce:
+    """An environment that reads a page from disk once, for all the numbers looked up on it."""
+
+    def __init__(self, env: Any) -> None:
+        self._env = env
+        self.get_doctree = cache(env.get_doctree)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._env, name)
+
+
 def setup(app: Any) -> dict[str, bool]:
-    """Register with Sphinx, around the numbering by position that Jupyter Book has set up."""
+    """Register with Sphinx, around the numbering by position that Jupyter Book has set up.
+
+    A page is read once for all references to its numbers, where Sphinx reads it for each.
+    """
+    from sphinx.domains.std import StandardDomain
     from sphinx_external_toc.collectors import TocTreeCollectorWithStyles as Collector
 
     assign, assign_items = Collector.assign_section_numbers, Collector.assign_figure_numbers
@@ -125,6 +141,12 @@ def setup(app: Any) -> dict[str, bool]:
         _number_items(env, printed_numbers(read_items(Path(env.srcdir) / ITEMS)))
         return [name for name, now in env.toc_fignumbers.items() if now != before.get(name)]
 
+    resolve, read_once = StandardDomain._resolve_numref_xref, cache(_ReadOnce)
+
+    def resolve_number(domain: StandardDomain, env: Any, *about: Any) -> Any:
+        return resolve(domain, read_once(env), *about)
+
+    StandardDomain._resolve_numref_xref = resolve_number  # type: ignore[method-assign, assignment]
     Collector.assign_section_numbers = assign_thesis_numbers  # type: ignore[method-assign]
     Collector.assign_figure_numbers = assign_thesis_items  # type: ignore[method-assign, assignment]
     return {"parallel_read_safe": True, "parallel_write_safe": True}
