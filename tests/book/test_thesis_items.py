@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import nbformat
 import pytest
 
-from thesis_lib.book.thesis_items import ITEMS, Item, items_markdown, read_items
 from thesis_lib.book import thesis_numbers
+from thesis_lib.book.thesis_items import ITEMS, Item, items_markdown, read_items
 from thesis_lib.book.thesis_numbers import _number_items, letter, printed_numbers
 from thesis_lib.edition import chapters
 from thesis_lib.edition.ledger import Claim, Finding, Judgement, Verdict
