@@ -21,12 +21,12 @@ from thesis_lib.chapter5.judging import (
     ahead,
     both,
     difference,
-    graded,
     leads,
     pick,
     together,
 )
 from thesis_lib.chapter5.runs import ENOUGH, read_runs
+from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Verdict
 from thesis_lib.edition.plots import COLOURS

@@ -13,8 +13,9 @@ from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5 import cells
 from thesis_lib.chapter5.cells import EXTRA_NETS, NETS
 from thesis_lib.chapter5.contrasts import SMOKE, Config
-from thesis_lib.chapter5.judging import Evidence, both, graded
+from thesis_lib.chapter5.judging import Evidence, both
 from thesis_lib.chapter5.runs import ENOUGH, read_runs
+from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.plots import COLOURS
 from thesis_lib.robustness import quadrants

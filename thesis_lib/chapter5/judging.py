@@ -17,6 +17,7 @@ import pandas as pd
 from thesis_lib.chapter5.cells import ROBOTS
 from thesis_lib.chapter5.contrasts import comparisons
 from thesis_lib.chapter5.runs import ENOUGH
+from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Experiment
 from thesis_lib.edition.ledger import Criterion, Finding, Verdict, criterion
 from thesis_lib.stats import holm
@@ -110,25 +111,6 @@ def _own(ours: Evidence | None) -> Verdict:
     if not whole or (not ours.printed_budget and ours.verdict is not Verdict.REPRODUCED):
         return Verdict.INCONCLUSIVE
     return ours.verdict
-
-
-def graded(holds: bool, direction: bool, denied: bool = False) -> Verdict:
-    """Reproduced; or else refuted, right in direction, or neither.
-
-    Parameters
-    ----------
-    holds
-        Whether the numbers show it.
-    direction
-        Whether they at least go its way.
-    denied
-        Whether they show the contrary.
-    """
-    if holds:
-        return Verdict.REPRODUCED
-    if denied:
-        return Verdict.REFUTED
-    return Verdict.DIRECTION if direction else Verdict.NOT_REPRODUCED
 
 
 def of_rows(rows: pd.DataFrame, verdict: Verdict, sentence: str) -> Evidence:

@@ -25,12 +25,12 @@ from thesis_lib.chapter5.judging import (
     ahead,
     both,
     difference,
-    graded,
     minus,
     of_rows,
     pick,
 )
 from thesis_lib.chapter5.runs import CELL, DEFAULT, read_runs
+from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, Experiment, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.stats import holm

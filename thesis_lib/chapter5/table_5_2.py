@@ -34,11 +34,11 @@ from thesis_lib.chapter5.judging import (
     ahead,
     both,
     difference,
-    graded,
     leads,
     pick,
 )
 from thesis_lib.chapter5.runs import ENOUGH, read_runs
+from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.stats import combined, welch

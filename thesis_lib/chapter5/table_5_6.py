@@ -16,9 +16,9 @@ from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5 import cells
 from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS, TESTED, Cells
 from thesis_lib.chapter5.contrasts import SMOKE, Config
-from thesis_lib.chapter5.judging import ALPHA, Evidence, both, graded, of_rows, together
+from thesis_lib.chapter5.judging import ALPHA, Evidence, both, of_rows, together
 from thesis_lib.chapter5.runs import ENOUGH, read_runs
-from thesis_lib.edition.criteria import judged
+from thesis_lib.edition.criteria import graded, judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import COLOURS, PRINTED

@@ -64,6 +64,32 @@ def _half(of: Summary) -> float:
     return float(distributions.t.ppf(0.975, of.n - 1)) * of.sd / of.n**0.5
 
 
+def graded(
+    holds: object,
+    direction: object = False,
+    denied: object = False,
+    otherwise: Verdict = Verdict.NOT_REPRODUCED,
+) -> Verdict:
+    """Reproduced; or else refuted, right in direction, or neither.
+
+    Parameters
+    ----------
+    holds
+        Whether the numbers show it.
+    direction
+        Whether they at least go its way.
+    denied
+        Whether they show the contrary.
+    otherwise
+        The verdict where none is so.
+    """
+    if holds:
+        return Verdict.REPRODUCED
+    if denied:
+        return Verdict.REFUTED
+    return Verdict.DIRECTION if direction else otherwise
+
+
 def judged(
     holds: object,
     evidence: str,
@@ -87,8 +113,7 @@ def judged(
     otherwise
         The verdict where neither is so.
     """
-    verdict = Verdict.DIRECTION if direction else otherwise
-    return Finding(Verdict.REPRODUCED if holds else verdict, evidence, numbers or {})
+    return Finding(graded(holds, direction, otherwise=otherwise), evidence, numbers or {})
 
 
 def ordered(pairs: Sequence[Pair], unit: str = "") -> Finding:

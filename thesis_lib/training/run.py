@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import json
 import time
 from collections.abc import Mapping
 from functools import cached_property
@@ -22,7 +21,7 @@ import torch
 
 from thesis_lib.checkout import environment
 from thesis_lib.checks import ForeseenError
-from thesis_lib.files import replacing, writable_directory
+from thesis_lib.files import replacing, writable_directory, write_json
 from thesis_lib.optimisation import PPO, Learner, Rollouts, UpdateReport, collect
 from thesis_lib.training.checkpoint import (
     FORMAT,
@@ -233,16 +232,15 @@ class Training:
         write_tensors(content, path)
         with replacing(folder / "curve.csv") as temporary:
             self.curve.to_csv(temporary, index=False)
-        with replacing(folder / "run.json") as temporary:
-            record = {
-                "config": dataclasses.asdict(self.config),
-                **settled(self.config),
-                "parameters": self.policy.n_trainable,
-                "iteration": self.iteration,
-                "columns": dict(CURVE_COLUMNS),
-                **self._made_by,
-            }
-            temporary.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+        record = {
+            "config": dataclasses.asdict(self.config),
+            **settled(self.config),
+            "parameters": self.policy.n_trainable,
+            "iteration": self.iteration,
+            "columns": dict(CURVE_COLUMNS),
+            **self._made_by,
+        }
+        write_json(folder / "run.json", record)
         return path
 
     @classmethod
