@@ -78,7 +78,7 @@ class Outcome:
     smoke=Config(
         vpg=(0.01, 0.1), natural=(0.2, 1.0), trpo=(0.05,), iterations=2, runs=2, batch_steps=200
     ),
-    book=Config(runs=6),
+    book=Config(runs=5),
     thesis=Config(),
     seconds=30,
     was="section-2.3.5-settings",

@@ -80,7 +80,7 @@ class Return(Returns):
         sarsa_steps=2000,
         mu=MuSearch(restarts=1),
     ),
-    book=Config(repeats=3),
+    book=Config(repeats=2),
     thesis=Config(),
     seconds=35,
 )

@@ -82,6 +82,7 @@ def shaping(config: Config, context: Context, learned: int) -> dict[str, list[Fl
 
 
 SMOKE = Config(n_runs=4, steps=1000, points=10, sarsa_steps=2000, learned=2, stasis=100)
+BOOK = Config(learned=5)
 
 
 @dataclass(frozen=True)
@@ -101,7 +102,7 @@ class Point(Returns):
     """Half-width of its 95% t interval."""
 
 
-@experiment("figure-3.2", item="Figure 3.2", smoke=SMOKE, book=Config(), seconds=22)
+@experiment("figure-3.2", item="Figure 3.2", smoke=SMOKE, book=BOOK, thesis=Config(), seconds=22)
 def mean_curves(config: Config, context: Context) -> list[Point]:
     """Cumulative reward of Sarsa on the continuing cliff while it learns, mean of runs."""
     domain = continuing_cliff(config.discount)

@@ -59,7 +59,7 @@ class Search:
     "ch3-mu-star",
     item="Section 3.3.5, the cross-task policy",
     smoke=Config(domains=("triangle",), ga=GeneticAlgorithm(generations=5), ga_runs=1, restarts=2),
-    book=Config(ga_runs=1),
+    book=Config(ga_runs=1, restarts=10),
     thesis=Config(),
     seconds=55,
     was="section-3.3.5",

@@ -64,7 +64,8 @@ class Fit:
     "ch3-readings",
     item="Table 3.1, its reading",
     smoke=Config(n_runs=4, most_episodes=40, every=20),
-    book=Config(),
+    book=Config(n_runs=250),
+    thesis=Config(),
     seconds=15,
     was="table-3.1-fit",
 )

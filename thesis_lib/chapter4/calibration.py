@@ -69,7 +69,7 @@ class Kept:
     "ch4-calibration",
     item="Jackknife F (calibration)",
     smoke=Config(runs=5, tasks_seen=(4,), alphas=(0.05,), effects=(1.0,), levels=(2,)),
-    book=Config(runs=100),
+    book=Config(runs=60),
     thesis=Config(runs=2000),
     seconds=11,
     was="selector-calibration",

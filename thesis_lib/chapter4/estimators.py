@@ -59,7 +59,7 @@ class Bias:
     "ch4-estimators",
     item="Estimator U",
     smoke=Config(runs=5, tasks_seen=(3,)),
-    book=Config(runs=2000),
+    book=Config(runs=1000),
     thesis=Config(),
     seconds=12,
     was="estimator-u",

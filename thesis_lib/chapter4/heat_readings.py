@@ -46,7 +46,7 @@ METHODS = ("fs-tek", "none", "constant")
 
 BASE = HeatConfig(
     sensors=(0.02,),
-    protocol=Protocol(runs=12, tasks_seen=(5, 8), methods=METHODS),
+    protocol=Protocol(runs=8, tasks_seen=(5, 8), methods=METHODS),
     followed=0,
 )
 

@@ -73,7 +73,7 @@ SMOKE = Config(
     followed=8,
     followed_at=(3, 5),
 )
-BOOK = Config(protocol=Protocol(runs=24, tasks_seen=TASKS_SEEN))
+BOOK = Config(protocol=Protocol(runs=24, tasks_seen=TASKS_SEEN), followed_at=(4, 8, 12))
 
 _TESTED: dict[str, Run] = {}
 """The last levels of noise that were measured with test tasks; the other figure needs no more."""

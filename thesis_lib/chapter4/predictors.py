@@ -205,7 +205,7 @@ HEAT: Mapping[str, Callable[[Context], Case]] = {
     "ch4-predictors",
     item="Figures 4.3 to 4.6, with the selectors that predict",
     smoke=Config(("triangle", "stock, G = 4"), tasks_seen=(3, 5), runs=2, tests=1),
-    book=Config(tuple(TABLES), runs=20),
+    book=Config(tuple(TABLES), runs=12),
     thesis=Config(tuple(TABLES), runs=500),
     seconds=20,
 )
@@ -218,7 +218,7 @@ def on_tables(config: Config, context: Context) -> list[Predicted]:
     "ch4-predictors-heat",
     item="Figures 4.7 and 4.8, with the selectors that predict",
     smoke=Config(("heat, noise 0.02",), tasks_seen=(3,), runs=2, tests=1),
-    book=Config(tuple(HEAT), runs=10),
+    book=Config(tuple(HEAT), runs=6),
     thesis=Config(tuple(HEAT), runs=500),
     seconds=20,
 )

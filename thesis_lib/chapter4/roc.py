@@ -86,7 +86,7 @@ class Place(Placed):
     "ch4-roc",
     item="Jackknife F (ROC)",
     smoke=Config(runs=2, tasks_seen=(4,), domains=("triangle", "random MDP a")),
-    book=Config(runs=50),
+    book=Config(runs=30),
     thesis=Config(runs=500),
     seconds=26,
     was="selector-roc",

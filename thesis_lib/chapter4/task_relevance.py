@@ -143,7 +143,7 @@ class Window:
         resamples=5,
         domains=("small stock", "small meadow"),
     ),
-    book=Config(runs=100, windows=60),
+    book=Config(runs=60, windows=60),
     thesis=Config(runs=500),
     seconds=24,
     was="task-relevance-learning",

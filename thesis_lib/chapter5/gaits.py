@@ -114,7 +114,7 @@ class Episode:
         learner=live.Config(iterations=1, batch_steps=200, horizon=100, seeds=1),
         episodes=1,
     ),
-    book=Config(),
+    book=Config(learner=live.Config(iterations=30, seeds=1)),
     thesis=Config(searches=10),
     seconds=25,
     was="section-5.5.2-gaits",

@@ -52,7 +52,7 @@ def trained(run: TrainConfig) -> Training:
     "ch5-live",
     item="Section 5.5.1",
     smoke=Config(iterations=1, batch_steps=200, horizon=100, seeds=2),
-    book=Config(seeds=2),
+    book=Config(iterations=30, seeds=2),
     thesis=Config(iterations=500, batch_steps=50_000, seeds=5),
     seconds=40,
     columns={

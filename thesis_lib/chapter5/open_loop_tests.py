@@ -63,7 +63,7 @@ class Run:
     "ch5-open-loop",
     item="Section 5.4",
     smoke=Config(search=SMOKE_SEARCH, searches=2, n_runs=2, steps=60),
-    book=Config(),
+    book=Config(n_runs=10),
     thesis=Config(searches=10),
     seconds=47,
     was="metronome-5.4",
