@@ -207,7 +207,9 @@ def _objective(mu, transition, reward, start, index, distribution, discount, sta
 
     I - gamma P is diagonally dominant, so elimination needs no pivots; the stationary
     distribution is eliminated by Grassmann, Taksar and Heyman's rule, which subtracts
-    nothing and so keeps its precision however rarely a state is left.
+    nothing and so keeps its precision however rarely a state is left.  A loop from 0 over an
+    array of its own is done several numbers at a time: so ``pivot``, and whole rows, though
+    nothing left of the diagonal is read again.
     """
     n_policies = mu.shape[0]
     n_tasks, S, A, _ = transition.shape
@@ -216,6 +218,7 @@ def _objective(mu, transition, reward, start, index, distribution, discount, sta
     system = np.empty((S, S))
     value = np.empty(S)
     weight = np.empty(S)
+    pivot = np.empty(S)
     for b in range(n_policies):
         for m in range(n_tasks):
             chain[:] = 0.0
@@ -231,11 +234,13 @@ def _objective(mu, transition, reward, start, index, distribution, discount, sta
                     system[s, t] = -discount * chain[s, t]
                 system[s, s] += 1.0
             for k in range(S):
+                for t in range(S):
+                    pivot[t] = system[k, t]
                 for s in range(k + 1, S):
                     if system[s, k] != 0.0:
-                        factor = system[s, k] / system[k, k]
-                        for t in range(k + 1, S):
-                            system[s, t] -= factor * system[k, t]
+                        factor = system[s, k] / pivot[k]
+                        for t in range(S):
+                            system[s, t] -= factor * pivot[t]
                         value[s] -= factor * value[k]
             for k in range(S - 1, -1, -1):
                 for t in range(k + 1, S):
@@ -248,7 +253,7 @@ def _objective(mu, transition, reward, start, index, distribution, discount, sta
                         stay += chain[s, t]
                     for t in range(S):
                         chain[s, t] += (1.0 - stay) * start[m, t]
-                _stationary(chain, weight)
+                _stationary(chain, weight, pivot)
             else:
                 weight[:] = start[m]
             total = 0.0
@@ -259,13 +264,14 @@ def _objective(mu, transition, reward, start, index, distribution, discount, sta
 
 
 @njit()
-def _stationary(chain, weight):  # type: ignore[no-untyped-def]
-    """Stationary distribution of a chain, written to ``weight``; ``chain`` is overwritten."""
+def _stationary(chain, weight, pivot):  # type: ignore[no-untyped-def]
+    """Stationary distribution of a chain, written to ``weight``; the others are overwritten."""
     S = chain.shape[0]
     for k in range(S - 1, 0, -1):
         leave = 0.0
         for t in range(k):
-            leave += chain[k, t]
+            pivot[t] = chain[k, t]
+            leave += pivot[t]
         if leave > 0.0:
             for s in range(k):
                 chain[s, k] /= leave
@@ -273,9 +279,10 @@ def _stationary(chain, weight):  # type: ignore[no-untyped-def]
             for s in range(k):
                 chain[s, k] = 0.0
         for s in range(k):
-            if chain[s, k] != 0.0:
+            share = chain[s, k]
+            if share != 0.0:
                 for t in range(k):
-                    chain[s, t] += chain[s, k] * chain[k, t]
+                    chain[s, t] += share * pivot[t]
     weight[0] = 1.0
     total = 1.0
     for k in range(1, S):
