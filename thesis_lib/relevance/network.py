@@ -204,7 +204,12 @@ def _linearise(
     active = np.tanh(x @ nets.weights + nets.biases[:, None, :])
     residual = root * ((active @ nets.heads[:, :, None])[..., 0] + nets.offsets[:, None] - y)
     back = nets.heads[:, None, :] * (1 - active**2)
-    wide = np.concatenate([x, np.ones((len(x), 1))], axis=1)
-    first = (wide[None, :, :, None] * back[:, :, None, :]).reshape(len(theta), len(x), -1)
-    ones = np.ones((*active.shape[:2], 1))
-    return residual, root[:, None] * np.concatenate([first, active, ones], axis=2)
+    wide = root[:, None] * np.concatenate([x, np.ones((len(x), 1))], axis=1)
+    jacobian = np.empty((*residual.shape, theta.shape[1]))
+    first, second = jacobian[..., : -units - 1], jacobian[..., -units - 1 : -1]
+    np.multiply(
+        wide[:, :, None], back[:, :, None, :], out=first.reshape(*residual.shape, -1, units)
+    )
+    np.multiply(root[:, None], active, out=second)
+    jacobian[..., -1] = root
+    return residual, jacobian
