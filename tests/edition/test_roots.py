@@ -205,3 +205,15 @@ def test_a_script_without_a_guard_says_what_it_lacks(tmp_path):
     assert "the processes that are to work could not be started: a script" in done.stderr
     assert "ForeseenError: a process ended before" in done.stderr
     assert 'under `if __name__ == "__main__":`' in done.stderr.splitlines()[-1]
+
+
+def test_figures_of_one_protocol_are_made_by_one_process_in_turn(tmp_path: Path) -> None:
+    names = ("figure-4.7", "figure-3.3", "figure-4.8")
+    jobs = [roots.Job(name, root, "book", tmp_path, "") for root in (1, 2) for name in names]
+    told = [[(job.root, job.experiment) for job in turn] for turn in roots._in_turn(jobs)]
+    assert told == [
+        [(1, "figure-4.7"), (1, "figure-4.8")],
+        [(1, "figure-3.3")],
+        [(2, "figure-4.7"), (2, "figure-4.8")],
+        [(2, "figure-3.3")],
+    ]

@@ -141,7 +141,8 @@ def setup(app: Any) -> dict[str, bool]:
         _number_items(env, printed_numbers(read_items(Path(env.srcdir) / ITEMS)))
         return [name for name, now in env.toc_fignumbers.items() if now != before.get(name)]
 
-    resolve, read_once = StandardDomain._resolve_numref_xref, cache(_ReadOnce)
+    resolve: Any = StandardDomain._resolve_numref_xref
+    read_once = cache(_ReadOnce)
 
     def resolve_number(domain: StandardDomain, env: Any, *about: Any) -> Any:
         return resolve(domain, read_once(env), *about)

@@ -112,8 +112,24 @@ class Job:
 POOL_PAYS = 30.0
 """Seconds of work from which on several processes are started for it."""
 
-TOGETHER = 120.0
+TOGETHER = 600.0
 """Seconds of evidence a root that several processes make before its claims are judged and kept."""
+
+
+def _in_turn(jobs: Sequence[Job]) -> list[list[Job]]:
+    """Jobs in lists that one process each does in turn: those of one root with the same config.
+
+    What one keeps in memory, such as figure 4.7 what its tasks have learned, the next one takes.
+    """
+    lists: dict[Any, list[Job]] = {}
+    for job in jobs:
+        config = _read_config(_experiments()[job.experiment], job.budget)
+        lists.setdefault((job.root, type(config), repr(config)), []).append(job)
+    return list(lists.values())
+
+
+def _do(jobs: Sequence[Job]) -> list[Job]:
+    return [job() for job in jobs]
 
 
 def make(jobs: Sequence[Job], workers: int, say: Callable[[str], None]) -> None:
@@ -130,12 +146,14 @@ def make(jobs: Sequence[Job], workers: int, say: Callable[[str], None]) -> None:
             report(job(), done)
         return
     pool = _pool(workers)
-    waiting = {pool.submit(job) for job in missing}
+    waiting = {pool.submit(_do, jobs) for jobs in _in_turn(missing)}
+    done = 0
     try:
         while waiting:
             ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-            for future in ready:
-                report(future.result(), len(missing) - len(waiting))
+            for job in (job for future in ready for job in future.result()):
+                done += 1
+                report(job, done)
     except BaseException as error:
         _pool.cache_clear()
         pool.shutdown(cancel_futures=True)

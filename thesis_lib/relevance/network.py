@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import FloatArray
+from thesis_lib.arrays import BoolArray, FloatArray
 from thesis_lib.mdp.checks import positive_integer
 
 DAMPING = (1e-12, 1e8)
@@ -55,7 +55,7 @@ class Networks:
         """
         return self.outputs(self.sums(inputs))
 
-    def sums(self, inputs: ArrayLike, which: ArrayLike | None = None) -> FloatArray:
+    def sums(self, inputs: ArrayLike, which: BoolArray | None = None) -> FloatArray:
         """What inputs add to the sums of all hidden units, shape ``(N, B H)``.
 
         Parameters
@@ -67,7 +67,7 @@ class Networks:
         """
         x = np.asarray(inputs, dtype=self.weights.dtype)
         side_by_side = self.weights.transpose(1, 0, 2).reshape(self.weights.shape[1], -1)
-        return x @ (side_by_side if which is None else side_by_side[which])
+        return np.matmul(x, side_by_side if which is None else side_by_side[which])
 
     def outputs(self, sums: FloatArray) -> FloatArray:
         """Outputs of every network, shape ``(B, N)``, from what :meth:`sums` gives."""
