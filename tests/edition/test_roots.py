@@ -207,7 +207,7 @@ def test_a_script_without_a_guard_says_what_it_lacks(tmp_path):
     assert 'under `if __name__ == "__main__":`' in done.stderr.splitlines()[-1]
 
 
-def test_figures_of_one_protocol_are_made_by_one_process_in_turn(tmp_path: Path) -> None:
+def test_figures_of_one_protocol_are_made_by_one_process_in_turn(tmp_path) -> None:
     names = ("figure-4.7", "figure-3.3", "figure-4.8")
     jobs = [roots.Job(name, root, "book", tmp_path, "") for root in (1, 2) for name in names]
     told = [[(job.root, job.experiment) for job in turn] for turn in roots._in_turn(jobs)]
