@@ -8,7 +8,7 @@ import pytest
 from tests.surroundings import python
 from thesis_lib.book import ledger
 from thesis_lib.edition import experiment as base
-from thesis_lib.edition import roots
+from thesis_lib.edition import chapters, roots
 from thesis_lib.edition.ledger import Claim, Finding, Judgement, OverRoots, Verdict, select
 
 REPRODUCED, REFUTED = Verdict.REPRODUCED, Verdict.REFUTED
@@ -207,7 +207,8 @@ def test_a_script_without_a_guard_says_what_it_lacks(tmp_path):
     assert 'under `if __name__ == "__main__":`' in done.stderr.splitlines()[-1]
 
 
-def test_figures_of_one_protocol_are_made_by_one_process_in_turn(tmp_path) -> None:
+def test_figures_of_one_protocol_are_made_by_one_process_in_turn(tmp_path, known):
+    known.update(chapters.experiments())
     names = ("figure-4.7", "figure-3.3", "figure-4.8")
     jobs = [roots.Job(name, root, "book", tmp_path, "") for root in (1, 2) for name in names]
     told = [[(job.root, job.experiment) for job in turn] for turn in roots._in_turn(jobs)]
