@@ -7,8 +7,8 @@ import pytest
 
 from tests.surroundings import python
 from thesis_lib.book import ledger
-from thesis_lib.edition import experiment as base
 from thesis_lib.edition import chapters, roots
+from thesis_lib.edition import experiment as base
 from thesis_lib.edition.ledger import Claim, Finding, Judgement, OverRoots, Verdict, select
 
 REPRODUCED, REFUTED = Verdict.REPRODUCED, Verdict.REFUTED
