@@ -71,7 +71,8 @@ def test_numbers_are_those_of_the_thesis_and_ours_are_letters() -> None:
                 "exercise": {"ex-one": (3, 1)},
             },
             "notebooks/ch03_y": {"figure": {"fig-more": (3, 1)}},
-            "book/how_to": {"table": {"tbl-x": (1,)}},
+            "book/how_to": {"table": {"tbl-x": (1,), "tbl-y": (2,)}},
+            "book/status": {"table": {"tbl-z": (3,)}},
         }
     )
     _number_items(env, printed_numbers(items))
@@ -83,7 +84,8 @@ def test_numbers_are_those_of_the_thesis_and_ours_are_letters() -> None:
             "exercise": {"ex-one": (3, 1)},
         },
         "notebooks/ch03_y": {"figure": {"fig-more": (3, "b")}},
-        "book/how_to": {"table": {"tbl-x": (1,)}},
+        "book/how_to": {"table": {"tbl-x": ("a",), "tbl-y": ("b",)}},
+        "book/status": {"table": {"tbl-z": ("c",)}},
     }
     assert [letter(n) for n in (1, 26, 27, 52, 53)] == ["a", "z", "aa", "az", "ba"]
 

@@ -3,7 +3,8 @@
 ``ch03_potentials`` is chapter 3 wherever it stands in the table of contents, and ``appendix_a``
 is appendix A: the names of files tell.  An equation, a figure, a table, an algorithm or a theorem
 that the thesis prints has the thesis's number, from ``book/thesis_items.csv``; what is ours
-alone has a letter, such as figure 3.c.  Sphinx alone would number by position.
+alone has a letter, such as figure 3.c, or table a outside the chapters.  Sphinx alone would
+number by position.
 """
 
 from __future__ import annotations
@@ -91,11 +92,9 @@ def printed_numbers(items: Iterable[Item]) -> dict[tuple[str, str], str]:
 
 def _number_items(env: Any, printed: Mapping[tuple[str, str], str]) -> None:
     """Give figures, equations and their like the numbers of the thesis, or letters."""
-    counts: Counter[tuple[int | str, str]] = Counter()
+    counts: Counter[tuple[int | str | None, str]] = Counter()
     for docname, by_kind in env.toc_fignumbers.items():
         chapter = thesis_number(docname)
-        if chapter is None:
-            continue
         for kind, numbers in by_kind.items():
             if kind in ("exercise", "solution"):
                 continue
@@ -103,7 +102,8 @@ def _number_items(env: Any, printed: Mapping[tuple[str, str], str]) -> None:
                 known = printed.get((_KINDS.get(kind, kind), make_id(node_id)))
                 if known is None:
                     counts[chapter, kind] += 1
-                    numbers[node_id] = (chapter, letter(counts[chapter, kind]))
+                    own = letter(counts[chapter, kind])
+                    numbers[node_id] = (own,) if chapter is None else (chapter, own)
                 else:
                     numbers[node_id] = (known,)
 
