@@ -32,6 +32,7 @@ _SYMBOLS = (
 """What a program writes, and what a person would."""
 
 _NUMBER = re.compile(r"\d[\d,.]*")
+_OF_SERIES = re.compile(r"\d.* (at|after) .*\d|\d.* to .*\d \(")
 
 
 def number(value: float, error: float = 0.0, *, sign: bool = False) -> str:
@@ -99,7 +100,7 @@ def brief(text: str, numbers: int = 8) -> str:
     """Evidence whose long lists of numbers are cut; the Scoreboard has them whole.
 
     Of items that semicolons part, in a sentence or in brackets, as many stay as have some
-    numbers; of a series that commas part, the first three and the last.
+    numbers; of a series that commas part, the first, or first three, and the last.
 
     >>> brief("Of 4 (Holm; n = 9): a 1 ± 3; b 2 ± 4; c 3 ± 5; d 4 ± 6; one is 5. So.")
     'Of 4 (Holm; n = 9): a 1 ± 3; b 2 ± 4; c 3 ± 5; d 4 ± 6; one is 5. So.'
@@ -107,6 +108,8 @@ def brief(text: str, numbers: int = 8) -> str:
     'Of 4 (Holm; n = 9): a 1 ± 3; 3 more on the Scoreboard; one is 5. So.'
     >>> brief("Left: 9% at 1, 8% at 2, 7% at 3, 6% at 4, 5% at 5, 4% at 6 and 3% at 7.")
     'Left: 9% at 1, 8% at 2, 7% at 3, … and 3% at 7.'
+    >>> brief("By 1 to 2 (A), 2 to 3 (B), 3 to 4 (C), 4 to 5 (D); none is 5.")
+    'By 1 to 2 (A), … and 4 to 5 (D); none is 5.'
     """
     return " ".join(_brief(sentence, numbers) for sentence in re.split(r"(?<=\.) (?=[A-Z])", text))
 
@@ -121,24 +124,30 @@ def _brief(sentence: str, numbers: int) -> str:
 def _first(text: str, numbers: int) -> str:
     """The first items of those that semicolons part outside brackets, and what follows them."""
     parts = [_ends(part) for part in re.split(r"; (?![^(]*\))", text)]
-    size = [len(_NUMBER.findall(re.sub(r"\([^()]*\)", "", part))) for part in parts]
+    size = [_size(re.sub(r"\([^()]*\)", "", part)) + _size(part) for part in parts]
     least = 1 if re.search("[±:]", parts[0]) else 2  # what says of what they are is none
-    kept = next((n for n in range(least, len(parts)) if sum(size[: n + 1]) > numbers), len(parts))
+    enough = (n for n in range(least, len(parts)) if sum(size[: n + 1]) > 2 * numbers)
+    kept = next(enough, len(parts))
     last = max((n for n, part in enumerate(parts, 1) if re.search("[±:]", part)), default=0)
-    if last - kept < 2:
+    if last <= kept or (last == kept + 1 and size[kept] <= numbers):
         return "; ".join(parts)
     return "; ".join([*parts[:kept], f"{last - kept} more on the Scoreboard", *parts[last:]])
 
 
 def _ends(text: str) -> str:
-    """Of a series of six or more that commas part, the first three and the last."""
+    """Of a long series that commas part, the first, or three where these are short, and the last."""
     items = re.split(r", (?![^(]*\))", text)
     for start in range(len(items)):
-        run = [*takewhile(re.compile(r"\d.* (at|after) .*\d").search, items[start:])]
-        if len(run) >= 6:
+        run = [*takewhile(_OF_SERIES.search, items[start:])]
+        head = 3 if run[1:] and _size(run[1]) == 2 and " to " not in run[1] else 1
+        if len(run) > head + 2:
             last = run[-1].rpartition(" and ")[2]
-            return ", ".join([*items[: start + 3], f"… and {last}", *items[start + len(run) :]])
+            return ", ".join([*items[: start + head], f"… and {last}", *items[start + len(run) :]])
     return text
+
+
+def _size(text: str) -> int:
+    return len(_NUMBER.findall(text))
 
 
 def _tiny(found: re.Match[str]) -> str:
