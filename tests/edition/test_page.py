@@ -104,6 +104,7 @@ def test_table(shown: list[Any]) -> None:
             "mean": [-4.114, np.nan],
             "n": [100, 3],
             "sensor": [True, False],
+            "error": ["1,200 ± 30", "not run"],
         }
     )
     nb.table(frame, name="tbl-x", caption="Returns, $R$.", decimals={"mean": 1})
@@ -112,10 +113,10 @@ def test_table(shown: list[Any]) -> None:
         "::::{table} Returns, $R$.",
         ":name: tbl-x",
         "",
-        "| potential | mean | n | sensor |",
-        "| :--- | ---: | ---: | :--- |",
-        "| none | −4.1 | 100 | yes |",
-        "| a\\|b | – | 3 | no |",
+        "| potential | mean | n | sensor | error |",
+        "| :--- | ---: | ---: | :--- | :--- |",
+        "| none | −4.1 | 100 | yes | 1,200\u00a0±\u00a030 |",  # no number breaks
+        "| a\\|b | – | 3 | no | not run |",
         "::::",
     ]
     assert "<caption>Returns, $R$.</caption>" in forms["text/html"]

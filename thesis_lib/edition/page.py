@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import ast
 import os
+import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -54,6 +55,9 @@ _OF_PAPERMILL = ("PAPERMILL_INPUT_PATH", "PAPERMILL_OUTPUT_PATH")
 
 #: Environment variable by which the build says where tables go.
 RESULTS_VARIABLE = "THESIS_RESULTS"
+
+#: A number with its error, an interval or a pair, short enough for a line.
+_NUMBERS = re.compile(r"[-−+±\d.,()%/–→ ]{1,16}")
 
 _THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -193,7 +197,7 @@ def table(
         *(_pipe(row) for row in cells.itertuples(index=False)),
     ]
     body = "\n".join(rows)
-    look = ":class: verdicts\n" * ("evidence" in shown.columns)  # cards on a phone
+    look = ":class: verdicts\n" * ("verdict" in shown.columns)  # cards on a phone
     display(
         _Rendered(
             f"::::{{table}} {caption}\n:name: {name}\n{look}\n{body}\n::::\n",
@@ -211,7 +215,7 @@ def _places(decimals: int | Mapping[str, int], column: str) -> int:
 
 
 def _cell(value: object, places: int) -> str:
-    """One table cell as text: a missing value is a dash, a boolean yes or no."""
+    """One table cell as text: a missing value is a dash, a boolean yes or no; no number breaks."""
     if isinstance(value, (bool, np.bool_)):
         return "yes" if value else "no"
     if value is None or value is pd.NaT or value is pd.NA:
@@ -221,7 +225,8 @@ def _cell(value: object, places: int) -> str:
             return "–"
         places = places if abs(float(value)) < 1000 else 0
         return f"{value:,.{places}f}".replace("-", "−")
-    return plain(str(value)).replace("|", "\\|")
+    text = plain(str(value)).replace("|", "\\|")
+    return text.replace(" ", "\u00a0") if _NUMBERS.fullmatch(text) else text
 
 
 @dataclass(frozen=True)

@@ -135,7 +135,7 @@ def _first(text: str, numbers: int) -> str:
 
 
 def _ends(text: str) -> str:
-    """Of a long series that commas part, the first, or three where these are short, and the last."""
+    """Of a long series that commas part, the first, or the first three if short, and the last."""
     items = re.split(r", (?![^(]*\))", text)
     for start in range(len(items)):
         run = [*takewhile(_OF_SERIES.search, items[start:])]
