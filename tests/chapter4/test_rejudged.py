@@ -58,7 +58,14 @@ def reading(n: int, fpr: float, gain: float, behind: float, most: int = 5) -> di
         **{"schedule": "words", "max_seqs": most, "interval": "curve", "tasks_seen": n},
         **{"fpr": fpr, "tpr": 1.0, "over_none": gain, "over_none_ci95": 1.0},
         **{"over_fixed": behind, "over_fixed_ci95": 1.0, "sampling": "combinations"},
+        **{"mean_return": 100.0},
     }
+
+
+def with_fixed(rows: list[dict[str, object]]) -> pd.DataFrame:
+    """Readings beside fixed features, which earn 100: 2% of it is 2."""
+    beside = [{**reading(n, 0.0, 0.0, 0.0), "interval": "fixed"} for n in (5, 6, 8)]
+    return pd.DataFrame([*rows, *beside])
 
 
 @pytest.mark.parametrize(
@@ -67,21 +74,22 @@ def reading(n: int, fpr: float, gain: float, behind: float, most: int = 5) -> di
         (0.45, 2.0, 0.0, Verdict.REPRODUCED),
         (0.60, 2.0, 0.0, Verdict.DIRECTION),
         (0.45, 0.5, 0.0, Verdict.NOT_REPRODUCED),
+        (0.45, 2.0, -1.5, Verdict.NOT_REPRODUCED),  # 2.5 below by its interval
         (0.45, 2.0, -3.0, Verdict.NOT_REPRODUCED),
     ],
 )
 def test_a_joint_reading_must_meet_all_that_is_printed(
     fpr: float, gain: float, behind: float, verdict: Verdict
 ) -> None:
-    table = pd.DataFrame([reading(n, fpr, gain, behind) for n in (5, 8)])
+    table = with_fixed([reading(n, fpr, gain, behind) for n in (5, 8)])
     assert joint_search.some_reading_fits(table).verdict is verdict
 
 
 def test_one_reading_without_a_rise_refutes_the_rise() -> None:
     rise = [reading(n, fpr, 2, 0, most) for most in (0, 5) for n, fpr in ((5, 0.4), (8, 0.7))]
-    assert joint_search.false_positives_rise(pd.DataFrame(rise)).verdict is Verdict.REPRODUCED
+    assert joint_search.false_positives_rise(with_fixed(rise)).verdict is Verdict.REPRODUCED
     rise[-1]["fpr"] = 0.4
-    assert joint_search.false_positives_rise(pd.DataFrame(rise)).verdict is Verdict.REFUTED
+    assert joint_search.false_positives_rise(with_fixed(rise)).verdict is Verdict.REFUTED
 
 
 def test_sequences_with_repeats_give_the_curve_of_definition_5() -> None:

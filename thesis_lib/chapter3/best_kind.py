@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pandas as pd
 
 from thesis_lib.chapter3 import figure_3_1, figure_3_3, figure_3_4, table_3_1
 from thesis_lib.chapter3.runs import LEARNERS, NAMES, SHAPED, at_best, compared
-from thesis_lib.edition.criteria import LEVEL, equivalent, summary
+from thesis_lib.edition.criteria import LEVEL, Pair, equivalent, judged, summary
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.stats import holm, welch
 
@@ -25,7 +27,8 @@ def by_setting(
     for (gamma, algorithm), own in continuing.groupby(["discount", "algorithm"]):
         settings[f"continuing cliff, gamma {gamma:g}, {LEARNERS[algorithm]}"] = at_best(own)
     settings["triangle"] = at_best(triangle[triangle.epsilon == triangle.epsilon.min()])
-    settings["stock"] = figure_3_4.two_stocks(stock)
+    for stocks, where in figure_3_4.SIZES.items():
+        settings[f"stock, {where}"] = at_best(figure_3_4.of_size(stock, stocks))
     return {where: own[own.potential.isin(SHAPED)] for where, own in settings.items()}
 
 
@@ -61,22 +64,40 @@ def best_kind_depends(
 def q_tilde_helps_more_in_two_domains(
     cliff: pd.DataFrame, continuing: pd.DataFrame, triangle: pd.DataFrame, stock: pd.DataFrame
 ) -> Finding:
-    """Q~ against Q* for a Q-learner, on each domain of the chapter."""
+    """Q~ against Q* for a Q-learner, on each domain of the chapter, for both E of stock."""
     settings = by_setting(cliff, continuing, triangle, stock)
-    at = {
-        "cliff": settings["episodic cliff without sensor, Q-learning"],
-        **{name: settings[name] for name in ("triangle", "stock")},
-    }
-    pairs = [compared(own, "Q_tilde", "Q_star", where) for where, own in at.items()]
+    parts = []
+    for where in figure_3_4.SIZES.values():
+        at = {
+            "cliff": settings["episodic cliff without sensor, Q-learning"],
+            "triangle": settings["triangle"],
+            f"stock ({where})": settings[f"stock, {where}"],
+        }
+        parts.append(
+            _of_three([compared(own, "Q_tilde", "Q_star", name) for name, own in at.items()])
+        )
+    verdicts = {part.verdict for part in parts}
+    return Finding(
+        verdicts.pop() if len(verdicts) == 1 else Verdict.INCONCLUSIVE,
+        " ".join(part.evidence for part in parts),
+        {
+            where: part.numbers["more"]
+            for where, part in zip(figure_3_4.SIZES.values(), parts, strict=True)
+        },
+    )
+
+
+def _of_three(pairs: Sequence[Pair]) -> Finding:
+    """Whether the first is significantly greater in two of three pairs and equivalent in one."""
     tests = [welch(p.first, p.second) for p in pairs]
     more = [t.difference > 0 and q < LEVEL
             for t, q in zip(tests, holm([t.p_value for t in tests]), strict=True)]  # fmt: skip
     rest = [p for p, m in zip(pairs, more, strict=True) if not m]
     alike = bool(rest) and equivalent(rest, 0.05).verdict is Verdict.REPRODUCED
-    verdict = Verdict.DIRECTION if any(more) else Verdict.NOT_REPRODUCED
-    return Finding(
-        Verdict.REPRODUCED if sum(more) == 2 and alike else verdict,
+    return judged(
+        sum(more) == 2 and alike,
         f"Q~ helps significantly more than Q* in {sum(more)} of {len(pairs)} domains (Welch, "
         f"Holm): {'; '.join(map(str, pairs))}.",
         {"more": sum(more)},
+        direction=any(more),
     )

@@ -62,8 +62,7 @@ def tends_to_the_domain_relevance(table: pd.DataFrame) -> Finding:
     listed = several(f"{share:.2%} ({WEIGHTS[kind]})" for kind, share in shares.items())
     return judged(
         shares.max() < 0.01,
-        f"Mean distance from the limit at k = 1000, of that at k = 1: {listed}. The limit follows "
-        "from the law of large numbers; the proof by Banach's theorem does not stand.",
+        f"Mean distance from the limit at k = 1000, of that at k = 1: {listed}.",
         dict(shares),
     )
 

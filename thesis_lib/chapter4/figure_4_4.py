@@ -127,6 +127,9 @@ def gains_slightly(table: pd.DataFrame) -> Finding:
         f"Largest paired gain over no selection {gain:+.0f} ± {half:.0f} after {n} tasks, "
         f"{gain / earned:.0%} of the return.",
         {"gain": float(gain)},
+        otherwise=Verdict.NOT_REPRODUCED
+        if (by.fstek_minus + by.fstek_minus_ci95 < 0).all()
+        else Verdict.INCONCLUSIVE,
     )
 
 

@@ -119,6 +119,9 @@ def jumps(table: pd.DataFrame) -> Finding:
         f"first {own.last_episode.max()} episodes: {listed} (n = {own.n_runs.iloc[0]} runs).",
         dict(zip(map(str, best.sensor), best.fstek_minus, strict=True)),
         direction=sure.any(),
+        otherwise=Verdict.NOT_REPRODUCED
+        if (few.fstek_minus + few.fstek_minus_ci95 < 0).all()
+        else Verdict.INCONCLUSIVE,
     )
 
 
@@ -171,7 +174,7 @@ def grows_with_noise(table: pd.DataFrame) -> Finding:
         evidence,
         {"low": float(low.gain), "second": float(second.gain), "highest": float(highest.gain)},
         direction=_more(highest, low) and not opposite,
-        otherwise=Verdict.REFUTED if opposite else Verdict.NOT_REPRODUCED,
+        otherwise=Verdict.REFUTED if opposite else Verdict.INCONCLUSIVE,
     )
 
 
@@ -187,7 +190,7 @@ def peaks(table: pd.DataFrame) -> Finding:
         evidence,
         {"middle": float(middle.gain), "above": max(float(row.gain) for row in above)},
         direction=all(row.gain < middle.gain for row in above) and not opposite,
-        otherwise=Verdict.REFUTED if opposite else Verdict.NOT_REPRODUCED,
+        otherwise=Verdict.REFUTED if opposite else Verdict.INCONCLUSIVE,
     )
 
 
@@ -239,6 +242,9 @@ def dips(table: pd.DataFrame) -> Finding:
         f"gain {ends} tasks.",
         dict(zip(map(str, own.index), own.gain, strict=True)),
         direction=lower.any(),
+        otherwise=Verdict.NOT_REPRODUCED
+        if own.gain.iloc[-1] > own.half.iloc[-1]
+        else Verdict.INCONCLUSIVE,
     )
 
 
@@ -262,6 +268,7 @@ def pays_in_the_end(table: pd.DataFrame) -> Finding:
         f"{listed['jackknife']}.",
         dict(zip(map(str, at.tasks_seen), -at.none_minus, strict=True)),
         direction=better,
+        otherwise=Verdict.NOT_REPRODUCED if worse else Verdict.INCONCLUSIVE,
     )
 
 

@@ -175,7 +175,9 @@ def stock_relevance(table: pd.DataFrame) -> Finding:
     met = {r: _statements(_of(table, "stock G=2", r)) for r in readings}
     sizes = [g for g in range(1, 6) if (table.domain == f"stock G={g}").any()]
     strong = [g for g in sizes if _statements(_of(table, f"stock G={g}", "after_next"))[3]]
-    counts = "; ".join(f"{reading} meets {sum(m)} of 4" for reading, m in met.items())
+    counts = "; ".join(
+        f"{reading.replace('_', ' ')} {sum(m)} of 4 are met" for reading, m in met.items()
+    )
     return judged(
         all(met["after_next"]) and len(strong) == len(sizes),
         "Ownership irrelevant, stocks and action relevant, factors irrelevant across tasks, "

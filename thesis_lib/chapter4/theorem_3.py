@@ -57,7 +57,7 @@ def is_monotone(table: pd.DataFrame) -> Finding:
     return judged(
         row.not_monotone == 0,
         f"Of {row.n_domains:.0f} random domains with shared p(x|m) it is monotone in "
-        f"{1 - row.not_monotone:.0%}, as the law has it.",
+        f"{1 - row.not_monotone:.0%}; the law rho_inf + (rho_1 - rho_inf)/k is.",
         {"not_monotone": float(row.not_monotone)},
         otherwise=Verdict.REFUTED,
     )
@@ -69,8 +69,8 @@ def may_increase(table: pd.DataFrame) -> Finding:
     row = table.set_index("kind").loc["shared"]
     return judged(
         row.increasing > 0,
-        f"It occurs in {row.increasing:.0%} of {row.n_domains:.0f} random domains, and by the law "
-        "it cannot: rho_1 - rho_inf is the mean of B(Q_m - Q_d, Q_m - Q_d), which is at least 0.",
+        f"It occurs in {row.increasing:.0%} of {row.n_domains:.0f} random domains. By the law its "
+        "fall, rho_1 - rho_inf, is the mean of B(Q_m - Q_d, Q_m - Q_d), a mean of squares.",
         {"increasing": float(row.increasing)},
         otherwise=Verdict.REFUTED,
     )

@@ -115,7 +115,7 @@ def exponential_fits(table: pd.DataFrame) -> Finding:
         f"exponential fitted to it is off by {by[5]:+.2f} (b - U) at 5 tasks and by "
         f"{by[20]:+.2f} (b - U) at 20.",
         {"asymptote": float(by[20])},
-        direction=True,
+        direction=abs(by[20]) < abs(by[5]),
     )
 
 
