@@ -35,6 +35,9 @@ from thesis_lib.edition.experiment import Context, Experiment, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.stats import holm
 
+ON_PAR = 0.1
+"""Share of the best return by which a group may be behind another and be on a par with it."""
+
 LIMIT = 0.99
 """Rank correlations of seven nets are taken as no nearer to 1 than this before Fisher's z."""
 
@@ -138,7 +141,7 @@ def fnn_rugged(source: str, table: pd.DataFrame) -> Evidence | None:
         return None
     row = rows.iloc[0]
     below = row.difference < 0 and row.p_runs < ALPHA
-    verdict = Verdict.REFUTED if below else Verdict.REPRODUCED
+    verdict = graded(row.low > -ON_PAR, denied=below, otherwise=Verdict.INCONCLUSIVE)
     sentence = f"FNNs less RNNs {difference(row)} of the best return on a task."
     return of_rows(rows, verdict, sentence)
 

@@ -48,6 +48,9 @@ FORMULAS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
 }
 """What table 5.6 may have printed, from returns to shape ``(..., 2, nets)``."""
 
+NONE = 0.25
+"""How far from 1 an improvement ratio's interval may reach where there is no effect."""
+
 ERROR_FACTORS = (1.0, 2.0)
 """What printed standard errors are multiplied by: 2 is a bootstrap over 5 runs, not 20."""
 
@@ -175,14 +178,16 @@ def improves(table: pd.DataFrame, source: str, perturbation: str) -> Evidence | 
 
 
 def leaves(table: pd.DataFrame, source: str, perturbation: str) -> Evidence | None:
-    """Whether hill training has no effect on FNNs: intervals around 1; a loss is direction only."""
+    """Whether hill training has no effect on FNNs: intervals near 1; a loss is direction only."""
     rows = _rows(table, source, perturbation).reindex(list(GROUPS["FNNs"]))
     if rows.value.isna().any():
         return None
-    if (rows.low > 1).any():
-        verdict = Verdict.REFUTED
-    else:
-        verdict = Verdict.REPRODUCED if (rows.high >= 1).all() else Verdict.DIRECTION
+    verdict = graded(
+        ((rows.low > 1 - NONE) & (rows.high < 1 + NONE)).all(),
+        (rows.high < 1).any(),
+        denied=(rows.low > 1).any(),
+        otherwise=Verdict.INCONCLUSIVE,
+    )
     return of_rows(rows, verdict, f"{_bounds(rows)}.")
 
 
