@@ -74,8 +74,8 @@ def with_fixed(rows: list[dict[str, object]]) -> pd.DataFrame:
         (0.45, 2.0, 0.0, Verdict.REPRODUCED),
         (0.60, 2.0, 0.0, Verdict.DIRECTION),
         (0.45, 0.5, 0.0, Verdict.NOT_REPRODUCED),
-        (0.45, 2.0, -1.5, Verdict.NOT_REPRODUCED),  # 2.5 below by its interval
-        (0.45, 2.0, -3.0, Verdict.NOT_REPRODUCED),
+        (0.45, 2.0, -1.5, Verdict.INCONCLUSIVE),  # .5 to 2.5 below
+        (0.45, 2.0, -3.5, Verdict.NOT_REPRODUCED),
     ],
 )
 def test_a_joint_reading_must_meet_all_that_is_printed(
