@@ -103,12 +103,15 @@ function filterLedger(table) {
     }
     count.textContent = `${shown} of ${rows.length}`;
   };
-  // A link to a row that is left out shows it.
+  // A link to a row that is left out, or in a list that is folded, shows it.
   const arrive = () => {
     const target = document.getElementById(decodeURIComponent(location.hash.slice(1)));
-    if (!target?.closest("tr")?.hidden) return;
-    form.reset();
-    apply();
+    const folded = target?.closest("details:not([open])");
+    if (folded) folded.open = true;
+    else if (target?.closest("tr")?.hidden) {
+      form.reset();
+      apply();
+    } else return;
     target.scrollIntoView();
   };
   form.addEventListener("input", apply);

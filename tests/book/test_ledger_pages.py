@@ -35,10 +35,24 @@ def test_a_claim_has_a_row_with_verdict_place_evidence_and_command() -> None:
         "`thesis run table-3.1` (budget: book)",
         "`thesis claims 3.4.1-numbers --seeds 10`",
         "  - [Table 3.1](#sec-table-3-1)\n    [headline]{.mark}",
-        "  - [B.1](#sec-ch4-appendix-b)\n    [ours]{.mark}",
+        "  - [B.1](#sec-ch4-appendix-b)\n",
     ):
         assert part in page, part
-    assert page.index("claim-3.4.1") < page.index("claim-B.1")  # the thesis's order
+    assert "On the tables shown" not in page
+    theirs, _, ours = page.partition(":::::{dropdown} Claims of our own")
+    assert "claim-3.4.1-numbers" in theirs
+    assert "claim-B.1-own" not in theirs
+    assert "claim-B.1-own" in ours
+    assert ours.endswith("::::\n\n:::::\n")
+    assert "{dropdown}" not in ledger.scoreboard_markdown([JUDGED])
+
+
+def test_a_row_tells_where_the_tables_shown_say_another_verdict_and_how_they_are_made() -> None:
+    claim = replace(CLAIM, experiments=("figure-4.4", "table-3.1"))
+    found = Finding(Verdict.REPRODUCED, "It is.")
+    page = ledger.scoreboard_markdown([Judgement(claim, found, "book, thesis", OVER)])
+    assert "*On the tables shown* the verdict is reproduced." in page
+    assert "`thesis run figure-4.4 --budget thesis`, `thesis run table-3.1` (" in page
 
 
 def test_a_difference_has_a_row() -> None:
@@ -61,9 +75,11 @@ def test_other_pages_quote_verdict_and_evidence() -> None:
 
 
 def test_findings_count_the_claims_of_the_thesis() -> None:
-    text = ledger.findings_markdown([JUDGED, OWN])
+    ours = replace(OWN, claim=replace(OWN.claim, headline=True))
+    text = ledger.findings_markdown([JUDGED, ours])
     assert "Of the thesis's 1 claims on which evidence can bear: 1 refuted." in text
     assert "- The means are ours. [Refuted](#claim-3.4.1-numbers)." in text
+    assert "B.1-own" not in text
 
 
 def test_sections_sort_as_in_the_thesis() -> None:

@@ -1,5 +1,6 @@
 """What notebooks call."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from nbformat.v4 import new_code_cell, new_notebook
 
 from thesis_lib.edition import page as nb
 from thesis_lib.edition.experiment import Experiment
-from thesis_lib.edition.ledger import Claim, Finding, Tables, Verdict
+from thesis_lib.edition.ledger import Claim, Finding, OverRoots, Tables, Verdict
 
 GOOD = {"budget": "smoke", "seed": 0, "workers": 1}
 CELL = "budget: str = 'book'\nseed: int = 0\nworkers: int = 2"
@@ -198,6 +199,14 @@ class TestVerdicts:
     def test_an_unknown_claim_is_named(self, page: nb.Page) -> None:
         with pytest.raises(ValueError, match=r"no claim '9.9'; see claims\.toml"):
             page.verdict("9.9")
+        page.tables["table-0"] = pd.DataFrame({"x": [1.0]})
+        with pytest.raises(ValueError, match=r"starts with '9\.'; see claims\.toml"):
+            page.verdicts("0.1", "9.")
+
+    def test_a_sentence_tells_how_often_a_verdict_came_out(self, page: nb.Page) -> None:
+        page.tables["table-0"] = pd.DataFrame({"x": [1.0]})
+        over = {"0.1-mean": OverRoots({Verdict.REFUTED: 8}, "book", "", False)}
+        assert replace(page, over=over).verdict("0.1-mean") == "refuted (8 of 8; here reproduced)"
 
     def test_at_smoke_nothing_is_told(self, page: nb.Page) -> None:
         smoke = nb.Page("smoke", claims=page.claims, tables={"table-0": pd.DataFrame({"x": [1.0]})})

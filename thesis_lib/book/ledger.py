@@ -12,6 +12,7 @@ from pathlib import Path
 
 from thesis_lib.book.thesis_items import link
 from thesis_lib.edition import roots
+from thesis_lib.edition.deepest import committed
 from thesis_lib.edition.ledger import MEANING, Difference, Judgement, Verdict
 from thesis_lib.edition.scoreboard import effect
 from thesis_lib.edition.words import brief, plain, several
@@ -52,30 +53,47 @@ def by_place(rows: Iterable[Difference]) -> str:
 
 
 def scoreboard_markdown(judged: Sequence[Judgement]) -> str:
-    """Body of the page *Scoreboard*: tallies, then one table of claims, as MyST Markdown.
+    """Body of the page *Scoreboard*: tallies, a table of claims, and one of our own, as MyST.
 
     The verdicts are those over roots where they are committed, except at the smoke budget.
     """
     earlier = {j.claim.id for j in judged if _by_earlier_code(j)}
     lines = [*_tally(judged), *_state(judged, earlier)]
-    lines += ["::::{list-table} Every claim, in the thesis's order"]
-    lines += [":name: tbl-claims", ":class: ledger", ":header-rows: 1", ""]
-    lines += ["* - verdict", "  - claim", "  - where"]
-    for j in sorted(judged, key=lambda j: in_order(j.claim.section)):
+    listed = sorted(judged, key=lambda j: in_order(j.claim.section))
+    theirs = [j for j in listed if not j.claim.ours]
+    title = "Every claim of the thesis, in its order"
+    lines += _claims(theirs, earlier, title, name="tbl-claims", look="ledger")
+    if ours := [j for j in listed if j.claim.ours]:
+        title = "Claims of our own, which the thesis at most implies"
+        lines += [f":::::{{dropdown}} {title}"]
+        lines += [*_claims(ours, earlier, title, name="tbl-claims-ours", look="cards"), ":::::", ""]
+    return "\n".join(lines)
+
+
+def _claims(
+    judged: Iterable[Judgement], earlier: Set[str], title: str, *, name: str, look: str
+) -> list[str]:
+    """A table of claims with a label and a class of ``book.css``."""
+    lines = [f"::::{{list-table}} {title}", f":name: {name}", f":class: {look}"]
+    lines += [":header-rows: 1", "", "* - verdict", "  - claim", "  - where"]
+    for j in judged:
         lines += _claim(j, earlier=j.claim.id in earlier)
-    return "\n".join([*lines, "::::", ""])
+    return [*lines, "::::", ""]
 
 
 def _claim(j: Judgement, *, earlier: bool) -> list[str]:
     """One row of the table of claims; ``earlier`` as for :func:`_state`."""
     claim = j.claim
     about = [claim.section]
-    about += ["headline"] * claim.headline + ["ours"] * claim.ours
+    about += ["headline"] * claim.headline
     about += ["identity"] * (claim.kind == "identity")
-    made = [f"thesis run {e}" for e in claim.experiments] or [f"thesis claims {claim.id}"]
+    deep = {f.stem for f in committed().glob("*.json")} if "thesis" in j.budget else set()
+    made = [f"thesis run {e}" + " --budget thesis" * (e in deep) for e in claim.experiments]
+    made = made or [f"thesis claims {claim.id}"]
     over = "; the verdicts over roots are of earlier code or runs" * earlier
     again = f"; over roots `thesis claims {claim.id} --seeds 10`" if claim.experiments else ""
     details = [
+        *([f"*On the tables shown* the verdict is {j.here}."] if j.here else []),
         j.finding.evidence,
         f"*Criterion*: {claim.criterion}",
         f"*Made by*: {', '.join(f'`{m}`' for m in made)} (budget: {j.budget}){again}{over}.",
@@ -121,7 +139,7 @@ def findings_markdown(judged: Sequence[Judgement]) -> str:
     lines += [
         f"- {plain(j.claim.statement)} [{str(j.verdict).capitalize()}](#claim-{j.claim.id})."
         for j in judged
-        if j.claim.headline
+        if j.claim.headline and not j.claim.ours
     ]
     return "\n".join([*lines, ""])
 

@@ -42,7 +42,7 @@ MEANING = {
     Verdict.DIRECTION: "the sign or order agrees, the size or significance does not",
     Verdict.NOT_REPRODUCED: "our runs do not show it",
     Verdict.REFUTED: "a proof, an exact computation or a significant result says the opposite",
-    Verdict.NOT_TESTABLE: "the text does not say enough to test it",
+    Verdict.NOT_TESTABLE: "it lacks what a test needs: details, a lost figure, a robot at scale",
     Verdict.INCONCLUSIVE: "too few runs to tell, or no verdict in eight of ten draws",
     Verdict.NOT_RUN: "the evidence has not been computed yet",
 }
@@ -302,14 +302,18 @@ class Judgement:
         """That over roots, or else that of the finding."""
         return self.finding.verdict if self.over is None else self.over.verdict
 
+    @property
+    def here(self) -> Verdict | None:
+        """That of the finding, on the tables shown, where it is another."""
+        found = self.finding.verdict
+        return None if found in (self.verdict, Verdict.NOT_RUN) else found
+
     def in_words(self) -> str:
         """The verdict with its frequency, and that of the finding where it is another."""
         if self.over is None or self.over.exact or self.verdict is Verdict.NOT_RUN:
             return str(self.verdict)
-        words = f"{self.verdict} ({self.over.frequency}"
-        if self.finding.verdict not in (self.verdict, Verdict.NOT_RUN):
-            words += f"; here {self.finding.verdict}"
-        return f"{words})"
+        here = f"; here {self.here}" if self.here else ""
+        return f"{self.verdict} ({self.over.frequency}{here})"
 
 
 SMOKE_TELLS_NOTHING = "Not shown at the smoke budget, whose values carry no meaning."

@@ -338,9 +338,10 @@ class Page:
     def verdict(self, claim: str) -> str:
         """The verdict on a claim, for a sentence: ``{eval}`page.verdict("3.3.1-bound")```.
 
-        It is the one over roots where that is committed, else that of this page's tables.
+        It is the one over roots where that is committed, with its frequency and with that of
+        this page's tables if they say another; else the latter.
         """
-        return str(self._judged(claim).verdict)
+        return self._judged(claim).in_words()
 
     def evidence(self, claim: str) -> str:
         """The evidence for the verdict on a claim, in sentences without their longest lists."""
@@ -353,8 +354,19 @@ class Page:
 
         Without prefixes, all for which the page has run the experiments.  The verdict is the
         one over roots, with its frequency; the evidence that of this page.
+
+        Raises
+        ------
+        ValueError
+            If no claim starts with one of the prefixes, or one that does cannot be judged yet.
         """
         self._read()
+        for prefix in prefixes:
+            if not any(name.startswith(prefix) for name in self.claims):
+                raise ValueError(
+                    f"no claim of the modules imported above starts with {prefix!r}; see "
+                    "claims.toml."
+                )
         wanted = [
             name
             for name, claim in self.claims.items()
