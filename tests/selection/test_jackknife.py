@@ -169,6 +169,23 @@ def test_no_spectrum_exceeds_the_level_of_one_direction(n_tasks: int, alpha: flo
         assert tail(weights, n_tasks, threshold) <= alpha + 1e-5
 
 
+@pytest.mark.parametrize("n_tasks", [3, 6, 12])
+def test_beyond_n_less_one_no_spectrum_has_a_heavier_tail_than_one_direction(n_tasks: int) -> None:
+    rng = np.random.default_rng(4)
+    for threshold in (n_tasks - 1.0, n_tasks + 1.0):
+        one = f.sf(threshold, 1, n_tasks - 1)
+        for size in (2, 3, 5):
+            assert tail(rng.random(size).tolist(), n_tasks, threshold) <= one + 1e-5
+
+
+def test_at_a_high_level_t2_is_not_conservative() -> None:
+    assert f.sf(f_threshold(5, 0.3), 2, 8) < 0.3 < f.sf(f_threshold(6, 0.3), 2, 10)
+
+
+def test_t2_reaches_n_less_one_up_to_six_tasks() -> None:
+    assert [f_threshold(n, 0.05) >= n - 1 for n in (3, 4, 5, 6, 7, 8)] == [True] * 4 + [False] * 2
+
+
 # Power.
 
 
