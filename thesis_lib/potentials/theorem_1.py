@@ -19,8 +19,8 @@ so that **the sufficient number of sweeps is least exactly where** :math:`G_\var
 
 *Minimisers.*  Where one function is within :math:`\varepsilon` of all tasks, it is one, as the
 midrange is for every :math:`\varepsilon` from the largest half distance of two tasks' values on.
-As :math:`\varepsilon \to 0` **a minimiser solves a heaviest set of tasks that agree where they
-overlap** (a single task where all differ), and among these has the least
+As :math:`\varepsilon \to 0` **a minimiser solves a heaviest set S of tasks that agree where they
+overlap** (a single task where all differ), to within :math:`\varepsilon`, and tends to the least
 :math:`\sum_{m \notin S} D(m) \log \delta_m` over the rest.  For let two tasks that disagree be at
 least :math:`2 \varepsilon_0` apart on a pair they share.  Of those two one has :math:`\delta \ge
 \varepsilon_0` whatever :math:`Q_0` is, so the tasks with :math:`\delta_m < \varepsilon_0` agree,
