@@ -18,7 +18,8 @@ from thesis_lib.book.paths import Paths
 from thesis_lib.files import replacing
 
 READY = """async () => {
-  document.querySelectorAll('table.ledger details').forEach((e) => { e.open = true; });
+  const folded = 'details.sd-dropdown, table.ledger details, table.cards details';
+  document.querySelectorAll(folded).forEach((e) => { e.open = true; });
   document.querySelectorAll('img[loading=lazy]').forEach((e) => { e.loading = 'eager'; });
   const loaded = (e) => e.complete || new Promise((done) => { e.onload = e.onerror = done; });
   await Promise.all([...document.images].map(loaded));
