@@ -102,6 +102,8 @@ def test_no_more_roots_are_made_than_can_change_the_verdict(tmp_path):
 
 def test_claims_that_share_evidence_are_judged_together_the_cheapest_first(known):
     known["drawn"] = replace(known["drawn"], seconds=9.0)
+    other = dict.fromkeys(base.BUDGETS, Config(1.0))
+    known["fixed"] = replace(known["fixed"], budgets=other)
     often, seldom, sure = CLAIMS
     assert roots.parts([often, sure, seldom]) == [[sure], [often, seldom]]
     both = replace(sure, id="both", experiments=("drawn", "fixed"))
@@ -218,3 +220,5 @@ def test_figures_of_one_protocol_are_made_by_one_process_in_turn(tmp_path, known
         [(2, "figure-4.7"), (2, "figure-4.8")],
         [(2, "figure-3.3")],
     ]
+    both = [claim("seen", "figure-4.7", 1), claim("placed", "figure-4.8", 1)]
+    assert roots.parts([both[0], *CLAIMS, both[1]])[-1] == both

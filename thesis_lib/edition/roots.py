@@ -123,9 +123,14 @@ def _in_turn(jobs: Sequence[Job]) -> list[list[Job]]:
     """
     lists: dict[Any, list[Job]] = {}
     for job in jobs:
-        config = _read_config(_experiments()[job.experiment], job.budget)
-        lists.setdefault((job.root, type(config), repr(config)), []).append(job)
+        lists.setdefault((job.root, _settings(job.experiment, job.budget)), []).append(job)
     return list(lists.values())
+
+
+def _settings(experiment: str, budget: str) -> str:
+    """A text that experiments with the same config share."""
+    config = _read_config(_experiments()[experiment], budget)
+    return f"{type(config).__module__} {config!r}"
 
 
 def _do(jobs: Sequence[Job]) -> list[Job]:
@@ -198,7 +203,7 @@ class Judged:
 
 
 def parts(claims: Iterable[Claim], together: float = 0.0) -> list[list[Claim]]:
-    """Claims in groups that share no evidence, the cheapest to make first.
+    """Claims in groups that share no evidence and no settings, the cheapest to make first.
 
     Parameters
     ----------
@@ -208,11 +213,16 @@ def parts(claims: Iterable[Claim], together: float = 0.0) -> list[list[Claim]]:
         Groups whose evidence takes less than so many seconds a root are joined: with one table at
         a time to make, all processes but one would wait.
     """
+    known = _experiments()
+    alike: dict[str, set[str]] = {}
+    for one in known:
+        alike.setdefault(_settings(one, "book"), set()).add(one)
     groups: list[tuple[set[str], list[Claim]]] = []
     for claim in claims:
         own = set(claim.experiments)
-        shared = [g for g in groups if g[0] & own]
-        groups = [g for g in groups if not g[0] & own]
+        near = own.union(*(alike[_settings(e, "book")] for e in own))
+        shared = [g for g in groups if g[0] & near]
+        groups = [g for g in groups if not g[0] & near]
         members = [c for _, those in shared for c in those]
         groups.append((own.union(*(e for e, _ in shared)), [*members, claim]))
     groups.sort(key=lambda g: _seconds(g[0]))
