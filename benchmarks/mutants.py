@@ -183,6 +183,18 @@ MUTANTS = (
         reason="FS-TEK and the jackknife test ratios in which a factor of the whole curve cancels",
     ),
     Mutant(
+        *("features-kept-are-removed", "chapter4/runs.py"),
+        *("np.flatnonzero(support).tolist()", "np.flatnonzero(~support).tolist()"),
+        ("tests/chapter4/test_theory.py", "all_features_and_tasks"),
+        ("chapter4", "4.3-triangle-improves"),
+    ),
+    Mutant(
+        *("potential-with-the-wrong-sign", "chapter4/runs.py"),
+        *("total_rewards(phi, self._rngs)", "total_rewards(-phi, self._rngs)"),
+        ("tests/chapter4/test_theory.py", "optimal_values_draw"),
+        ("chapter4", "4.3-triangle-improves"),
+    ),
+    Mutant(
         *("fs-tek-without-level", "selection/fstek.py"),
         *("outside = level if", "outside = 1e-3 if"),
         ("tests/selection/test_fstek.py", "larger_alpha"),

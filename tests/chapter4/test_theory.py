@@ -18,7 +18,7 @@ from thesis_lib.chapter4 import (
     threshold,
 )
 from thesis_lib.chapter4.random_solutions import random_solutions
-from thesis_lib.chapter4.runs import exact_solutions, solve_domain, task_solutions
+from thesis_lib.chapter4.runs import Trial, exact_solutions, solve_domain, task_solutions
 from thesis_lib.domains import continuing_cliff, stock, triangle
 from thesis_lib.domains.planted import random_domain, torus
 from thesis_lib.edition.experiment import Context
@@ -144,6 +144,14 @@ def test_potential_with_all_features_and_tasks_is_that_of_chapter_3():
     every = np.arange(len(found.domain))
     phi = found.potential(every, np.ones(4, dtype=bool))
     np.testing.assert_allclose(phi, q_star(found.domain))
+
+
+def test_optimal_values_draw_the_learner_to_what_is_good():
+    found = solve_domain(triangle(), LEARNER, CONTEXT)
+    trial = Trial(found, LEARNER, 40, np.random.default_rng(0))
+    phi = q_star(found.domain)
+    good, none, bad = (trial.mean_return(factor * phi) for factor in (1.0, 0.0, -1.0))
+    assert good > none > bad
 
 
 def test_constant_potential_is_the_mean_value():
