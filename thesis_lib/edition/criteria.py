@@ -70,18 +70,12 @@ def graded(
     denied: object = False,
     otherwise: Verdict = Verdict.NOT_REPRODUCED,
 ) -> Verdict:
-    """Reproduced; or else refuted, right in direction, or neither.
+    """Reproduced; or else refuted, right in direction, or ``otherwise``.
 
     Parameters
     ----------
-    holds
-        Whether the numbers show it.
-    direction
-        Whether they at least go its way.
-    denied
-        Whether they show the contrary.
-    otherwise
-        The verdict where none is so.
+    holds, direction, denied
+        Whether the numbers show it, at least go its way, or show the contrary.
     """
     if holds:
         return Verdict.REPRODUCED
@@ -108,10 +102,8 @@ def judged(
         A sentence that is true whether it does or not.
     numbers
         That decided, by name.
-    direction
-        Whether, where it does not, the claim is right in direction.
-    otherwise
-        The verdict where neither is so.
+    direction, otherwise
+        See :func:`graded`.
     """
     return Finding(graded(holds, direction, otherwise=otherwise), evidence, numbers or {})
 
