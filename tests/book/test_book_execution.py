@@ -10,9 +10,10 @@ from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
 from tests.surroundings import python
 from thesis_lib.book.build import _listed, build, collect_tables
-from thesis_lib.book.execution import Run, execute, finished, plan
+from thesis_lib.book.execution import Run, execute, expected_seconds, finished, plan
 from thesis_lib.book.paths import Paths
 from thesis_lib.book.staging import stage, sync
+from thesis_lib.chapter3 import figure_3_3, mu_star
 
 PARAMETERS = 'budget: str = "book"  # which\nseed: int = 0\nworkers: int = 2'
 
@@ -211,6 +212,36 @@ def test_a_notebook_outside_the_table_of_contents_is_named_and_left_out(
         "notebooks/two.ipynb is not in _toc.yml, so it gets no page.",
         "0 notebooks at the smoke budget: 0 unchanged, 0 to execute.",
     ]
+
+
+def test_the_longest_goes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By its last run, or by what its experiments state: those it names, not all it imports."""
+    (tmp_path / "thesis_lib").symlink_to(Path(__file__).resolve().parents[2] / "thesis_lib")
+    (tmp_path / "notebooks").mkdir()
+    (tmp_path / "constraints.txt").write_text("")
+    (tmp_path / "_config.yml").write_text("title: t\n")
+    both = "from thesis_lib.chapter3 import figure_3_3, mu_star"
+    write(tmp_path, "again", "1")
+    write(tmp_path, "long", both, "page.run(mu_star.searches)")
+    write(tmp_path, "none", "1")
+    write(tmp_path, "short", both, "page.run(figure_3_3.by_alpha)")
+    paths = Paths.of("smoke", tmp_path)
+    (paths.executed / "again").mkdir(parents=True)
+    (paths.executed / "again" / "manifest.json").write_text('{"seconds": 1e4}')
+    tasks = plan(paths, 0, ["again", "long", "none", "short"])
+    assert {task.name: expected_seconds(task, paths) for task in tasks} == {
+        "again": 1e4,
+        "long": mu_star.searches.seconds,
+        "none": 0.0,
+        "short": figure_3_3.by_alpha.seconds,
+    }
+    ran: list[str] = []
+    monkeypatch.setattr("os.cpu_count", lambda: 1)
+    monkeypatch.setattr(
+        "thesis_lib.book.execution._execute", lambda task, *_: ran.append(task.name)
+    )
+    execute(tasks, paths, lambda _: None)
+    assert ran == ["again", "long", "short", "none"]
 
 
 class TestRunning:

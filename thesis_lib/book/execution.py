@@ -20,6 +20,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +32,9 @@ from thesis_lib.book.inline import expressions
 from thesis_lib.book.paths import Paths
 from thesis_lib.book.sources import code_cells, parameter_names, read
 from thesis_lib.checkout import environment
+from thesis_lib.edition.experiment import Experiment
 from thesis_lib.edition.page import RESULTS_VARIABLE, check_parameters
-from thesis_lib.imports import PACKAGE, closure, data_files, saved_results
+from thesis_lib.imports import PACKAGE, closure, data_files, imported, saved_results
 
 _OUTPUT, _MANIFEST, _TABLES = "notebook.ipynb", "manifest.json", "results"
 
@@ -234,7 +236,7 @@ def execute(
         return None
 
     # The longest go first, so that none is left to run alone at the end.
-    ordered = sorted(tasks, key=lambda task: -_seconds(task, paths))
+    ordered = sorted(tasks, key=lambda task: -expected_seconds(task, paths))
     with ThreadPoolExecutor(at_once) as pool:
         try:
             errors = list(pool.map(one, ordered))
@@ -245,9 +247,23 @@ def execute(
     return {task.name: error for task, error in zip(ordered, errors, strict=True) if error}
 
 
-def _seconds(task: Task, paths: Paths) -> float:
+def expected_seconds(task: Task, paths: Paths) -> float:
+    """Seconds a notebook's last run took; of one that never ran, what its experiments state."""
     run = last_run(task.name, paths)
-    return float(run.manifest["seconds"]) if run else float("inf")
+    if run:
+        return float(run.manifest["seconds"])
+    text = "\n".join(task.cells)
+    direct = {name for cell in task.cells for name in imported(cell)}
+    return sum(
+        (
+            item.seconds
+            for name in direct & set(task.modules)
+            if name.startswith(f"{PACKAGE}.") and name.count(".") == 2
+            for attribute, item in vars(import_module(name)).items()
+            if isinstance(item, Experiment) and f"{name.split('.')[-1]}.{attribute}" in text
+        ),
+        0.0,
+    )
 
 
 def _execute(task: Task, paths: Paths, workers: int, children: Children) -> None:
