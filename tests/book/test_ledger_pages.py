@@ -61,7 +61,8 @@ def test_a_difference_has_a_row() -> None:
     )
     page = ledger.differences_markdown([row], "nowhere")
     assert (
-        "* - [3.4.1](#ch-potentials)\n  - (difference-3-row)=\n    **Q\\* of Q^μ.** 10⁻⁵." in page
+        "* - [3.4.1](#ch-potentials)\n  - (difference-3-row)=\n    **Q\\* of Q<sup>μ</sup>.** 10⁻⁵."
+        in page
     )
     assert "*The thesis*: It says." in page
     assert "*What it changes*: Little." in page

@@ -14,7 +14,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from thesis_lib.edition.words import plain
+from thesis_lib.edition.words import typeset
 
 _ROLE = re.compile(r"\{eval\}`([^`]+)`")
 _KEPT = "user_expressions"
@@ -79,4 +79,4 @@ def shown(result: Mapping[str, Any], expression: str, cell: str) -> str:
             f"{where} is {printed}, but prose takes a text or a whole number: give it a format, "
             'such as f"{x:.2f}".'
         )
-    return plain(str(value))
+    return typeset(str(value))

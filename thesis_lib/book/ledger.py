@@ -15,7 +15,7 @@ from thesis_lib.edition import roots
 from thesis_lib.edition.deepest import committed
 from thesis_lib.edition.ledger import MEANING, Difference, Judgement, Verdict
 from thesis_lib.edition.scoreboard import effect
-from thesis_lib.edition.words import brief, plain, several
+from thesis_lib.edition.words import brief, plain, several, typeset
 
 _CLASSES = ("exact", "in all roots", "in most roots", "in no eight of ten", "waiting")
 
@@ -103,7 +103,7 @@ def _claim(j: Judgement, *, earlier: bool) -> list[str]:
         f"* - [{j.verdict}]{{.verdict .{_slug(j.verdict)}}}",
         *([f"    {j.over.frequency}"] if j.over else []),
         f"  - (claim-{claim.id})=",
-        f"    {plain(claim.statement)}",
+        f"    {typeset(claim.statement)}",
         *_dropdown("Evidence", details),
         f"  - {_where(claim.at, claim.section)}",
         *(f"    [{word}]{{.mark}}" for word in about[1:]),
@@ -116,7 +116,7 @@ def differences_markdown(rows: Iterable[Difference], results: Path | str) -> str
     lines += [":name: tbl-differences", ":class: ledger", ":header-rows: 1", ""]
     lines += ["* - where", "  - the thesis, and what is done here"]
     for row in sorted(rows, key=lambda row: in_order(row.section)):
-        topic = plain(row.topic).replace("*", r"\*")
+        topic = typeset(row.topic).replace("*", r"\*")
         details = [
             f"*The thesis*: {row.thesis}",
             f"*Option*: {row.option}",
@@ -125,7 +125,7 @@ def differences_markdown(rows: Iterable[Difference], results: Path | str) -> str
         lines += [
             f"* - {_where(row.at, row.section)}",
             f"  - (difference-{row.id})=",
-            f"    **{topic}.** {plain(row.ours)}",
+            f"    **{topic}.** {typeset(row.ours)}",
             *_dropdown("The text, the option, the effect", details),
         ]
     return "\n".join([*lines, "::::", ""])
@@ -137,7 +137,7 @@ def findings_markdown(judged: Sequence[Judgement]) -> str:
     counts = several(f"{tally[v]} {v}" for v in Verdict if tally[v])
     lines = [f"Of the thesis's {tally.total()} claims on which evidence can bear: {counts}.", ""]
     lines += [
-        f"- {plain(j.claim.statement)} [{str(j.verdict).capitalize()}](#claim-{j.claim.id})."
+        f"- {typeset(j.claim.statement)} [{str(j.verdict).capitalize()}](#claim-{j.claim.id})."
         for j in judged
         if j.claim.headline and not j.claim.ours
     ]
@@ -179,7 +179,7 @@ def questions_markdown(rows: Iterable[Mapping[str, str]], judged: Iterable[Judge
         )
         overview += [f"{number}. {row['text']}", "", f"   {squares}", ""]
         answers += [f"### {row['text']}", "", f"**The thesis.** {row['thesis']}", ""]
-        answers += [f"**This edition.** {plain(_NAMED.sub(verdict, row['ours'].strip()))}", ""]
+        answers += [f"**This edition.** {typeset(_NAMED.sub(verdict, row['ours'].strip()))}", ""]
     told = (Verdict.REPRODUCED, Verdict.DIRECTION, Verdict.NOT_REPRODUCED, Verdict.REFUTED)
     legend = [f"[]{{.square .{_slug(verdict)}}} {verdict}" for verdict in told]
     legend += ["[]{.square} open"]
@@ -293,7 +293,7 @@ def _dropdown(title: str, paragraphs: Iterable[str]) -> list[str]:
     """A part of a cell that unfolds, as plain HTML: the page has hundreds."""
     lines = ["", *_raw(f"<details><summary>{title}</summary>"), ""]
     for paragraph in paragraphs:
-        lines += [f"    {plain(paragraph)}", ""]
+        lines += [f"    {typeset(paragraph)}", ""]
     return [*lines, *_raw("</details>")]
 
 

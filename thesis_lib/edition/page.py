@@ -44,7 +44,7 @@ from thesis_lib.edition.ledger import (
     finding,
 )
 from thesis_lib.edition.plots import use_style
-from thesis_lib.edition.words import brief, plain
+from thesis_lib.edition.words import brief, plain, typeset
 from thesis_lib.imports import parsed
 
 #: First line of the cell in which papermill assigns the parameters it was given.
@@ -225,7 +225,7 @@ def _cell(value: object, places: int) -> str:
             return "–"
         places = places if abs(float(value)) < 1000 else 0
         return f"{value:,.{places}f}".replace("-", "−")
-    text = plain(str(value)).replace("|", "\\|")
+    text = typeset(str(value)).replace("|", "\\|")
     return text.replace(" ", "\u00a0") if _NUMBERS.fullmatch(text) else text
 
 

@@ -96,6 +96,20 @@ def plain(text: str) -> str:
     return "".join(parts)
 
 
+def typeset(text: str) -> str:
+    """A plain text with its indices lowered and raised, as the book and Jupyter show them.
+
+    >>> typeset("Q^mu and Q_d by `a_b`, (2^E - 1) 2^G or $Q_d$, p(y|c_i)")
+    'Q<sup>μ</sup> and Q<sub>d</sub> by `a_b`, (2<sup>E</sup> − 1) 2<sup>G</sup> or $Q_d$, \
+p(y|c<sub>i</sub>)'
+    """
+    parts = _CODE.split(plain(text))
+    for i in range(0, len(parts), 2):
+        raised = re.sub(r"(?<=[\w)])\^(\w)(?!\w)", r"<sup>\1</sup>", parts[i])
+        parts[i] = re.sub(r"\b([a-zA-Z])_(\w)(?!\w)", r"\1<sub>\2</sub>", raised)
+    return "".join(parts)
+
+
 def brief(text: str, numbers: int = 8) -> str:
     """Evidence whose long lists of numbers are cut; the Scoreboard has them whole.
 
