@@ -89,6 +89,25 @@ def mean_has_the_least_error() -> Finding:
     )
 
 
+@criterion("3.4.1-shared-pairs")
+def sensor_parts_tasks() -> Finding:
+    """Pairs of the episodic cliff, and those that two tasks share, without the sensor and with."""
+    total, shared = [], []
+    for sensor in (False, True):
+        domain = episodic_cliff(sensor)
+        tasks, n_actions = domain.present.astype(int), len(domain.actions)
+        total.append(domain.n_observations * n_actions)
+        shared.append((tasks @ tasks.T)[np.triu_indices(len(tasks), 1)] * n_actions)
+    without, own = (number(float(each.mean())) for each in shared)
+    return exact(
+        total[1] > total[0] and (shared[1] <= shared[0]).all() and (shared[1] < shared[0]).any(),
+        f"Without the sensor the domain has {total[0]} pairs, of which two tasks share {without} "
+        f"in the mean; with it {total[1]}, of which they share {own}. Fewer with it are shared by "
+        f"{(shared[1] < shared[0]).sum()} of the {len(shared[0])} pairs of tasks, more by "
+        f"{(shared[1] > shared[0]).sum()}.",
+    )
+
+
 @criterion("3.3.2-linear")
 def averaging_weights() -> Finding:
     """Two binary features that overlap, weighted differently by two tasks: error of (3.5)."""
