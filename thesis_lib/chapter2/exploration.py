@@ -75,7 +75,8 @@ class Outcome:
     "ch2-exploration",
     item="Section 2.3.3",
     smoke=Config(runs=4, episodes=20, epsilons=(0.0, 0.1)),
-    book=Config(),
+    book=Config(runs=200),
+    thesis=Config(),
     seconds=3,
     was="section-2.3.3-exploration",
 )

@@ -71,12 +71,13 @@ def planted_table(config: Config, bits: int, rng: np.random.Generator) -> Soluti
     "ch4-scale",
     item="Selection at scale",
     smoke=Config(bits=(8, 10)),
-    book=Config(),
-    seconds=16,
+    book=Config(bits=(12, 14, 16, 18)),
+    thesis=Config(),
+    seconds=6,
     was="selection-at-scale",
 )
 def selections(config: Config, context: Context) -> list[Selection]:
-    """Time of a whole selection on tables of up to 2^20 pairs and 50 tasks."""
+    """Time of a whole selection on tables of 50 tasks and more and more pairs."""
     methods: dict[str, Selector] = {"jackknife": JackknifeF(), "fs-tek": FSTEK(config.alpha)}
     records = []
     for bits in config.bits:
