@@ -26,11 +26,28 @@ window.addEventListener("DOMContentLoaded", () => {
   }
 });
 
+// A line does not end between a formula and the bracket before it or the comma after it.
+window.addEventListener("DOMContentLoaded", () => {
+  for (const formula of document.querySelectorAll("article span.math")) {
+    const before = formula.previousSibling?.nodeValue?.match(/[([“‘]+$/)?.[0] ?? "";
+    const after = formula.nextSibling?.nodeValue?.match(/^[.,:;!?)\]”’]+/)?.[0] ?? "";
+    if (!before && !after) continue;
+    const { previousSibling, nextSibling } = formula;
+    const whole = document.createElement("span");
+    whole.className = "unbroken";
+    formula.replaceWith(whole);
+    whole.append(before, formula, after);
+    if (before) previousSibling.nodeValue = previousSibling.nodeValue.slice(0, -before.length);
+    if (after) nextSibling.nodeValue = nextSibling.nodeValue.slice(after.length);
+  }
+});
+
 // Formulas and code are tab stops only where they are too wide, so that keys can move them.
 window.addEventListener("load", async () => {
   await window.MathJax?.startup?.promise;
   const reach = () => {
-    for (const wide of document.querySelectorAll("mjx-container, article pre")) {
+    // Not those in a line: the hidden copy for screen readers makes each look too wide.
+    for (const wide of document.querySelectorAll("div.math mjx-container, article pre")) {
       if (wide.scrollWidth > wide.clientWidth) wide.tabIndex = 0;
       else wide.removeAttribute("tabindex");
     }
