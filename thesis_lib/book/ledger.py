@@ -237,9 +237,11 @@ def _state(judged: Sequence[Judgement], earlier: Set[str]) -> list[str]:
     waiting = sum(_frequency_class(j) == "waiting" for j in judged if not j.claim.rests_on)
     stale = sum(j.claim.id in earlier for j in drawn)
     flips = [j for j in drawn if j.over and not j.over.held]
+    judged_by = f"{stale} of them by an earlier" if stale else "all of them by the present"
+    more = f"; {waiting} more wait for their roots" if waiting else ""
     lines = [
-        f"Judged over roots are {len(drawn)} claims, {stale} of them by an earlier state of the "
-        f"code or the committed runs; {waiting} more wait for their roots.",
+        f"Judged over roots are {len(drawn)} claims, {judged_by} state of the code or the "
+        f"committed runs{more}.",
         "",
     ]
     if flips:

@@ -59,6 +59,7 @@ RESULTS_VARIABLE = "THESIS_RESULTS"
 
 #: A number with its error, an interval or a pair, short enough for a line.
 _NUMBERS = re.compile(r"[-−+±\d.,()%/–→ ]{1,16}")
+_FREQUENCY = re.compile(r"\((\d+) of (\d+)")
 
 _THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -227,6 +228,7 @@ def _cell(value: object, places: int) -> str:
         places = places if abs(float(value)) < 1000 else 0
         return f"{value:,.{places}f}".replace("-", "−")
     text = typeset(str(value)).replace("|", "\\|")
+    text = _FREQUENCY.sub("(\\1\u00a0of\u00a0\\2", text)
     return text.replace(" ", "\u00a0") if _NUMBERS.fullmatch(text) else text
 
 
