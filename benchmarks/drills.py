@@ -253,6 +253,7 @@ BAD = [
     *([], ["fly"], ["list", "--all"], ["claims", "9.9"], ["claims", "--seeds", "-1"]),
     *(["evaluate"], ["evaluate", "nowhere"], ["evaluate", "nowhere", "--runs", "0"]),
     *(["export", "nowhere", "x.npz"], ["export", "nowhere", "x.zip"], ["export", "nowhere"]),
+    *(["merge", "nowhere", "--out", "x"], ["merge", "--out", "x"]),
     *(["test-policies", "nowhere"], ["test-policies", "nowhere", "--rule", "luck"]),
 ]
 """Command lines that cannot be carried out."""

@@ -231,6 +231,9 @@ _LATE = {
     "For instance ``thesis test-policies _build/runs/sweep --out _build/results/tests``.",
     "sweep": "Train a grid of policies, on one machine or many, and merge their curves.\n\n"
     "Given again, it goes on where it was killed.",
+    "merge": "Bring the finished runs of several sweeps together, tables and policies.\n\n"
+    "For instance ``thesis merge results/study/breadth _build/results/more --out results/study/"
+    "breadth``.",
 }
 """Commands of :mod:`thesis_lib.cli_training`, which takes seconds to import."""
 
@@ -317,7 +320,7 @@ def _main(arguments: list[str]) -> int:
             return command(unknown)
         if unknown:
             raise ValueError(f"{unknown[0]!r} is not known: see `thesis {arguments[0]} --help`.")
-        takes_record = arguments[0] in ("evaluate", "test-policies", "sweep")
+        takes_record = arguments[0] in ("evaluate", "test-policies", "sweep", "merge")
         return int(command(recorded(arguments)) if takes_record else command())
     except (ValueError, FileNotFoundError) as error:
         print(f"thesis: {error}", file=sys.stderr)

@@ -25,6 +25,7 @@ from thesis_lib.training.evaluation import EvaluateConfig, evaluate, summarised,
 from thesis_lib.training.evaluation import idle_settings as idle_in_test
 from thesis_lib.training.film import check_film, film
 from thesis_lib.training.grid import GRID, GRID_COLUMNS, Grid, key, run_name
+from thesis_lib.training.merge import merge
 from thesis_lib.training.plan import CORES, cost, makespan, memory, plan
 from thesis_lib.training.store import Store
 from thesis_lib.training.suite import SuiteConfig, best, check_rule, evaluate_all
@@ -271,6 +272,14 @@ class Sweep:
         runs = store.folder
         if self.plan:
             return self._plan(configs, store)
+        for config in configs:
+            store.pull(run_name(config))
+        if lost := curves.only_in(out, runs):
+            raise ValueError(
+                f"{str(out)!r} holds finished runs that {store.place!r} has not, such as "
+                f"{lost[0]}, and would lose {len(lost)} of them: choose another --out, and bring "
+                "the two together with `thesis merge`."
+            )
         writable_directory(out)
         errors: dict[str, str] = {}
         written, took = 0.0, 0.0
@@ -347,10 +356,30 @@ class Sweep:
         return 0
 
 
+@dataclass(frozen=True)
+class Merge:
+    """``thesis merge``."""
+
+    sweeps: tyro.conf.Positional[tuple[Path, ...]]
+    """What ``thesis sweep`` wrote to (its --out); a run in several is taken from the first."""
+    out: Path
+    """Where the files go; may be one of these."""
+
+    def __call__(self, command: str = "thesis merge") -> int:
+        """Merge them; ``command`` goes into the record."""
+        if not self.sweeps:
+            raise ValueError("merge was given no sweep: name what `thesis sweep` wrote to (--out).")
+        table = merge(self.sweeps, self.out, command=command)
+        runs = len(table.groupby(list(GRID_COLUMNS)))
+        print(f"{runs} finished runs of {len(self.sweeps)} sweeps, written to {self.out}")
+        return 0
+
+
 COMMANDS = {
     "train": Train,
     "evaluate": Evaluate,
     "export": Export,
     "test-policies": TestPolicies,
     "sweep": Sweep,
+    "merge": Merge,
 }

@@ -76,6 +76,17 @@ def _record(config: TrainConfig, runs: Path | str) -> dict[str, Any] | None:
     return None if differences(record, config) else record
 
 
+def only_in(out: Path | str, runs: Path | str) -> list[str]:
+    """Finished runs of which a sweep's tables tell and that a directory of runs has not."""
+    file = Path(out) / "curves.json"
+    if not file.is_file():
+        return []
+    record = json.loads(file.read_text(encoding="utf-8"))
+    last = record["config"].get("iterations")
+    done = [str(r["run"]) for r in record["runs"] if r["iteration"] == last]
+    return [name for name in done if not (Path(runs) / name / "run.json").is_file()]
+
+
 def merged(configs: Sequence[TrainConfig], runs: Path | str) -> pd.DataFrame:
     """Learning curves of all runs, as far as each has come.
 
@@ -287,6 +298,12 @@ def write(
         "written_by": made(environment()),
         "table": "curves.csv",
     }
+    write_tables(curves, record, folder)
+    return curves
+
+
+def write_tables(curves: pd.DataFrame, record: dict[str, Any], folder: Path) -> None:
+    """Write merged curves, what is compared in them, and then their record."""
     timings = list(TIMING_COLUMNS)
     for name, table in (
         ("curves.csv", curves.drop(columns=timings)),
@@ -295,12 +312,11 @@ def write(
         with replacing(folder / name) as temporary:
             table.to_csv(temporary, index=False, float_format="%.6g")
     for column, name in COMPARISONS.items():
-        if len({key(c)[column] for c in configs}) > 1:
+        if len(record["grid"][column]) > 1:
             record["compared_columns"] = dict(PAIRED_COLUMNS)
             with replacing(folder / name) as temporary:
                 compared(curves, column).to_csv(temporary, index=False, float_format="%.6g")
     write_json(folder / "curves.json", record)
-    return curves
 
 
 def _shared(configs: Sequence[TrainConfig]) -> dict[str, Any]:

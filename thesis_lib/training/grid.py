@@ -142,7 +142,12 @@ def first_repeated(values: Sequence[Any]) -> Any:
 
 def run_name(config: TrainConfig) -> str:
     """Name of a run within its sweep, such as ``hopper-flat-gru-0-float32``."""
-    parts = [str(part) for part in key(config).values()]
+    return named(key(config))
+
+
+def named(run: Mapping[str, Any]) -> str:
+    """The same for what tells a run apart, by :data:`GRID_COLUMNS`."""
+    parts = [str(run[column]) for column in GRID_COLUMNS]
     if parts[-1] == DEFAULT:
         parts.pop()
     return "-".join(parts).lower().replace(", ", "-").replace("=", "-").replace("/", "-")
