@@ -92,6 +92,7 @@ def potentials(
         ax.plot(*task.source, marker="*", ms=12, color="w", mec=PRINTED)
         ax.plot(*np.transpose(sources), "o", ms=6, mfc="none", mec=PRINTED)
         ax.set(title=title, xlabel="x", aspect="equal", xlim=(0, 10), ylim=(0, 10))
+        ax.set_xticks((0, 5, 10))
         ax.grid(False)
         if ax is not axes[0]:
             spread = axes[:2] if ax is axes[1] else [ax]
