@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 
 import pytest
+import torch
 
 from thesis_lib import cli
 from thesis_lib.training import curves
@@ -12,6 +13,7 @@ from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.grid import Grid, run_name
 from thesis_lib.training.merge import merge
 from thesis_lib.training.train import train
+from thesis_lib.training.trained import TrainedPolicies
 
 SMALL = TrainConfig(batch_steps=100, horizon=20, iterations=2, checkpoint_every=1)
 CONFIGS = Grid(("hopper",), ("flat",), ("dffwd", "ffwd"), (0, 1)).runs(SMALL)
@@ -37,6 +39,12 @@ def test_two_halves_are_the_whole(runs: Path, tmp_path: Path) -> None:
     merge(halves, tmp_path / "merged", command="thesis merge")
     for name in ("curves.csv", "curves.seconds.csv"):
         assert (tmp_path / "merged" / name).read_bytes() == (whole / name).read_bytes(), name
+    here, there = (TrainedPolicies(tmp_path / f / "policies.pt") for f in ("whole", "merged"))
+    assert here.names == there.names == tuple(sorted(here.names))
+    for name in here.names:
+        ours, theirs = here.load(name), there.load(name)
+        assert (ours.config, ours.iteration) == (theirs.config, theirs.iteration)
+        assert torch.equal(ours.policy.parameter_vector(), theirs.policy.parameter_vector())
     one, two = (json.loads((tmp_path / f / "curves.json").read_text()) for f in ("whole", "merged"))
     different = {"command", "written", "written_by", "wall_seconds", "processor_seconds"}
     assert {k: v for k, v in one.items() if k not in different} == {

@@ -16,10 +16,10 @@ import pandas as pd
 import torch
 
 from thesis_lib.files import writable_directory
-from thesis_lib.training.checkpoint import FORMAT, write_tensors
+from thesis_lib.training.checkpoint import write_tensors
 from thesis_lib.training.curves import COMPARISONS, write_tables
 from thesis_lib.training.grid import GRID_COLUMNS, named
-from thesis_lib.training.trained import TrainedPolicies
+from thesis_lib.training.trained import FORMAT, TrainedPolicies
 
 BUDGET = ("iterations", "batch_steps", "horizon")
 """Settings that all runs of one table share."""
