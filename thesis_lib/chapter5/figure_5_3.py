@@ -92,29 +92,50 @@ def _points(runs: pd.DataFrame) -> list[tuple[float, float, float, float, int, i
     return found
 
 
-def draw(table: pd.DataFrame, robot: str) -> Figure:
-    """Learning curves of one robot, flat and hill, with table 5.2's means at the right edge."""
-    fig, axes = plt.subplots(1, 2, figsize=(7.2, 3.4), sharey=True)
-    for ax, ground in zip(axes, TRAINED_ON, strict=True):
-        for net, colour in zip(NETS, COLOURS, strict=False):
-            own = table[
-                (table.task == robot) & (table.trained_on == ground) & (table.architecture == net)
-            ]
-            ax.plot(own.iteration, own.mean_return, color=colour, label=net)
-            ax.fill_between(own.iteration, own.low, own.high, color=colour, alpha=0.15, lw=0)
-            ax.plot(
-                [1.02],
-                [own.printed.iloc[0]],
-                "<",
-                color=colour,
-                clip_on=False,
-                transform=ax.get_yaxis_transform(),
-            )
-        ax.set_title(f"{robot}, {ground}")
+def draw(table: pd.DataFrame) -> Figure:
+    """Learning curves, a row a robot that has been run, with table 5.2's means at the right edge.
+
+    The axes are those of the means: bands over few seeds may reach beyond.
+    """
+    run = table[table.seeds > 0]
+    robots = [robot for robot in ROBOTS if robot in set(run.task)] or [ROBOTS[0]]
+    fig, axes = plt.subplots(
+        *(len(robots), 2),
+        figsize=(7.2, 0.6 + 2.4 * len(robots)),
+        sharey="row",
+        squeeze=False,
+    )
+    for row, robot in zip(axes, robots, strict=True):
+        both = table[table.task == robot]
+        for ax, ground in zip(row, TRAINED_ON, strict=True):
+            cell = both[both.trained_on == ground]
+            for net, colour in zip(NETS, COLOURS, strict=False):
+                own = cell[cell.architecture == net]
+                ax.plot(own.iteration, own.mean_return, color=colour, label=net)
+                ax.fill_between(own.iteration, own.low, own.high, color=colour, alpha=0.15, lw=0)
+                ax.plot(
+                    [1.02],
+                    [own.printed.iloc[0]],
+                    "<",
+                    color=colour,
+                    clip_on=False,
+                    transform=ax.get_yaxis_transform(),
+                )
+            ax.set_title(f"{robot}, {ground}")
+            ax.set_xlim(0, max(1, both.iterations.max()))
+            if cell.mean_return.isna().all():
+                ax.text(0.5, 0.5, "not run yet", transform=ax.transAxes, ha="center")
+        low, high = both.mean_return.min(), max(both.mean_return.max(), both.printed.max())
+        if np.isfinite(low):
+            row[0].set_ylim(low - 0.1 * (high - low), high + 0.1 * (high - low))
+        row[0].set_ylabel("mean return")
+    for ax in axes[-1]:
         ax.set_xlabel("iteration")
-        ax.set_xlim(0, max(1, own.iterations.max()))
-        if table[(table.task == robot) & (table.trained_on == ground)].mean_return.isna().all():
-            ax.text(0.5, 0.5, "not run yet", transform=ax.transAxes, ha="center")
-    axes[0].set_ylabel("mean return")
-    fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=7)
+    fig.legend(
+        *axes[0, 0].get_legend_handles_labels(),
+        loc="outside lower center",
+        ncols=7,
+        columnspacing=1.0,
+        handlelength=1.2,
+    )
     return fig
