@@ -1,5 +1,7 @@
 """Theorem 1 corrected, level against order, covering tours: what is known, and what must fail."""
 
+from itertools import combinations
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -196,3 +198,21 @@ def test_power_by_hand() -> None:
     table = pd.DataFrame(rows).assign(epsilon=0.01, sd=1.0, n_runs=500)
     assert figure_3_3.power(table, 12) == pytest.approx(0.80, abs=0.01)
     assert figure_3_3.power(table.assign(mean_return=0.0), 12) == pytest.approx(0.05)
+
+
+def test_the_sensor_parts_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """3.4.1-shared-pairs by sets of states, and refuted where the sensor says nothing."""
+    domains = [shaping.episodic_cliff(sensor) for sensor in (False, True)]
+    states = [
+        [{tuple(d.observations[i]) for i in index if i >= 0} for index in d.observation_index]
+        for d in domains
+    ]
+    shared = [[len(a & b) for a, b in combinations(tasks, 2)] for tasks in states]
+    n_actions = len(domains[0].actions)
+    means = [n_actions * np.mean(numbers) for numbers in shared]
+    finding = shaping.sensor_parts_tasks()
+    assert finding.verdict is Verdict.REPRODUCED
+    assert f"two tasks share {means[0]:.1f} in the mean" in finding.evidence
+    assert f"of which they share {means[1]:.1f}." in finding.evidence
+    monkeypatch.setattr(shaping, "episodic_cliff", lambda sensor: domains[0])
+    assert shaping.sensor_parts_tasks().verdict is Verdict.REFUTED
