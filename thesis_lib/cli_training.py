@@ -272,9 +272,7 @@ class Sweep:
         runs = store.folder
         if self.plan:
             return self._plan(configs, store)
-        for config in configs:
-            store.pull(run_name(config))
-        if lost := curves.only_in(out, runs):
+        if lost := curves.only_in(out, store.names()):
             raise ValueError(
                 f"{str(out)!r} holds finished runs that {store.place!r} has not, such as "
                 f"{lost[0]}, and would lose {len(lost)} of them: choose another --out, and bring "

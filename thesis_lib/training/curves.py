@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -76,15 +76,20 @@ def _record(config: TrainConfig, runs: Path | str) -> dict[str, Any] | None:
     return None if differences(record, config) else record
 
 
-def only_in(out: Path | str, runs: Path | str) -> list[str]:
-    """Finished runs of which a sweep's tables tell and that a directory of runs has not."""
+def finished(record: Mapping[str, Any]) -> list[str]:
+    """Names of the runs that a sweep's record (``curves.json``) calls finished."""
+    last = record["config"].get("iterations")
+    return [r["run"] for r in record["runs"] if r["iteration"] == last and "error" not in r]
+
+
+def only_in(out: Path | str, kept: Iterable[str]) -> list[str]:
+    """Finished runs of which the tables in a directory tell and that are not among those kept."""
     file = Path(out) / "curves.json"
     if not file.is_file():
         return []
+    own = set(kept)
     record = json.loads(file.read_text(encoding="utf-8"))
-    last = record["config"].get("iterations")
-    done = [str(r["run"]) for r in record["runs"] if r["iteration"] == last]
-    return [name for name in done if not (Path(runs) / name / "run.json").is_file()]
+    return [name for name in finished(record) if name not in own]
 
 
 def merged(configs: Sequence[TrainConfig], runs: Path | str) -> pd.DataFrame:
@@ -285,17 +290,10 @@ def write(
         "command": command,
         "config": _shared(configs),
         "grid": {n: sorted({key(c)[n] for c in configs}) for n in GRID_COLUMNS},
-        "wall_seconds": round(float(curves.wall_seconds.sum()), 1),
-        "processor_seconds": round(
-            float(curves.sampling_seconds.sum() + curves.update_seconds.sum()), 1
-        ),
         "made_by": makers,
         "runs": [_run_record(name, r, numbers, errors) for name, r in found.items()],
-        "rows": len(curves),
         "columns": {k: v for k, v in CURVES_COLUMNS.items() if k not in TIMING_COLUMNS},
         "seconds_columns": {k: CURVES_COLUMNS[k] for k in TIMING_COLUMNS},
-        "written": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        "written_by": made(environment()),
         "table": "curves.csv",
     }
     write_tables(curves, record, folder)
@@ -303,7 +301,18 @@ def write(
 
 
 def write_tables(curves: pd.DataFrame, record: dict[str, Any], folder: Path) -> None:
-    """Write merged curves, what is compared in them, and then their record."""
+    """Write merged curves, what is compared in them, and then their record.
+
+    What the curves say themselves, and who writes them and when, is put into the record here.
+    """
+    spent = curves.sampling_seconds + curves.update_seconds
+    record |= {
+        "wall_seconds": round(float(curves.wall_seconds.sum()), 1),
+        "processor_seconds": round(float(spent.sum()), 1),
+        "rows": len(curves),
+        "written": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        "written_by": made(environment()),
+    }
     timings = list(TIMING_COLUMNS)
     for name, table in (
         ("curves.csv", curves.drop(columns=timings)),

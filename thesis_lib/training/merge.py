@@ -17,18 +17,16 @@ import torch
 
 from thesis_lib.files import writable_directory
 from thesis_lib.training.checkpoint import write_tensors
-from thesis_lib.training.curves import COMPARISONS, write_tables
+from thesis_lib.training.curves import COMPARISONS, finished, write_tables
 from thesis_lib.training.grid import GRID_COLUMNS, named
 from thesis_lib.training.trained import FORMAT, TrainedPolicies
 
-BUDGET = ("iterations", "batch_steps", "horizon")
+COMMON = ("iterations", "batch_steps", "horizon")
 """Settings that all runs of one table share."""
-
-SUMS = ("wall_seconds", "processor_seconds")
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Swept:
     """What a sweep wrote, less the runs that it did not finish.
 
     Attributes
@@ -49,7 +47,7 @@ class Sweep:
     policies: dict[str, Any]
 
 
-def read_sweep(folder: Path | str) -> Sweep:
+def read_sweep(folder: Path | str) -> Swept:
     """The finished runs of a sweep.
 
     Raises
@@ -65,8 +63,7 @@ def read_sweep(folder: Path | str) -> Sweep:
                 "wrote to (--out)."
             )
     record = json.loads((folder / "curves.json").read_text(encoding="utf-8"))
-    last = record["config"]["iterations"]
-    done = {r["run"] for r in record["runs"] if r["iteration"] == last and "error" not in r}
+    done = set(finished(record))
     table = pd.concat(
         [pd.read_csv(folder / name) for name in ("curves.csv", "curves.seconds.csv")], axis=1
     )
@@ -76,7 +73,7 @@ def read_sweep(folder: Path | str) -> Sweep:
     }
     TrainedPolicies(folder / "policies.pt")  # which says what is wrong with the file
     policies = torch.load(folder / "policies.pt", weights_only=True)["policies"]
-    return Sweep(
+    return Swept(
         folder,
         record,
         {name: rows for name, rows in parts.items() if name in done},
@@ -109,14 +106,14 @@ def merge(folders: Sequence[Path | str], out: Path | str, *, command: str) -> pd
     sweeps = [read_sweep(folder) for folder in folders]
     first = sweeps[0].record
     for sweep in sweeps[1:]:
-        for name in BUDGET:
+        for name in COMMON:
             here, there = first["config"][name], sweep.record["config"][name]
             if here != there:
                 raise ValueError(
                     f"{name} is {here} in {str(sweeps[0].folder)!r} but {there} in "
                     f"{str(sweep.folder)!r}: merge sweeps of one budget."
                 )
-    source: dict[str, Sweep] = {}
+    source: dict[str, Swept] = {}
     for sweep in sweeps:
         for name in sweep.curves:
             source.setdefault(name, sweep)
@@ -139,13 +136,11 @@ def merge(folders: Sequence[Path | str], out: Path | str, *, command: str) -> pd
         "config": {
             name: value
             for name, value in first["config"].items()
-            if all(s.record["config"].get(name, s) == value for s in sweeps)
+            if all((name, value) in s.record["config"].items() for s in sweeps)
         },
         "grid": grid,
-        **{name: round(float(sum(s.record[name] for s in sweeps)), 1) for name in SUMS},
         "made_by": makers,
         "runs": runs,
-        "rows": len(table),
     }
     target = writable_directory(out)
     policies = {name: source[name].policies[name] for name in sorted(source)}
