@@ -3,6 +3,7 @@
 import pandas as pd
 import pytest
 
+from thesis_lib.chapter5 import cell_table
 from thesis_lib.chapter5.runs import read_runs
 from thesis_lib.training import curves
 from thesis_lib.training.config import TrainConfig
@@ -111,3 +112,30 @@ def test_the_store_is_what_a_sweep_and_its_tests_write(tmp_path):
     assert curve["batch_steps"] == 1000
     assert (tested["variant"], tested["intervention"]) == ("default", "none")
     assert tested["return"] == tests["return"].mean()
+
+
+def test_a_table_of_cells_reads_as_the_thesis_prints_it():
+    def cell(ground: str, net: str, leads: bool, ours: float, error: float, seeds: int) -> dict:
+        return {
+            **{"task": "Hopper", "trained_on": ground, "architecture": net},
+            **{"printed": 96.4, "printed_error": 21.6, "leads": leads},
+            **{"ours": ours, "error": error, "ours_leads": True},
+            **{"seeds": seeds, "iterations": 150 * (seeds > 0), "batch_steps": 20_000},
+        }
+
+    nan = float("nan")
+    table = pd.DataFrame(
+        [
+            cell("flat", "CTRNN", False, 1230.6, 7.0, 3),
+            cell("flat", "LSTM", True, 5.0, nan, 1),
+            cell("hill", "CTRNN", False, nan, nan, 0),
+            cell("hill", "LSTM", False, nan, nan, 0),
+        ]
+    )
+    made = cell_table.shown(table)
+    assert made.robot.tolist() == ["Hopper", "Hopper", "Hopper hill", "Hopper hill"]
+    assert made.runs.tolist() == ["printed", "1 to 3 seeds, 150 × 20,000", "printed", "not run"]
+    assert made.CTRNN[:3].tolist() == ["96 (22)", "1231 (7)", "96 (22)"]
+    # Where all lead, nothing is bold.
+    assert made.LSTM[:3].tolist() == ["**96 (22)**", "5", "96 (22)"]
+    assert made[["CTRNN", "LSTM"]].iloc[3].isna().all()

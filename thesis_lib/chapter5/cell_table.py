@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -207,19 +205,40 @@ def run(table: pd.DataFrame, source: str) -> bool:
     return bool(table[column(source)[0]].notna().all())
 
 
-def shown(table: pd.DataFrame, ground: str, robots: Sequence[str] = ROBOTS) -> pd.DataFrame:
-    """A table of cells for a page: printed, ours and how deep, one line a robot and net."""
-    part = table[(table.trained_on == ground) & table.task.isin(robots)]
-    return pd.DataFrame([_line(row) for row in part.itertuples()])
+def shown(table: pd.DataFrame) -> pd.DataFrame:
+    """A table of cells as the thesis prints it, a row a robot: the printed row, and ours below.
+
+    An entry is a mean and in brackets its standard error; bold ones lead, if not all do.
+    """
+    lines = []
+    for (ground, robot), cells in table.groupby(["trained_on", "task"], sort=False):
+        name = robot if ground == "flat" else f"{robot} {ground}"
+        by_net = cells.set_index("architecture")
+        for source, runs in (("printed", "printed"), ("ours", _depth(cells))):
+            entries = _entries(by_net[list(column(source))])
+            lines.append({"robot": name, "runs": runs, **entries})
+    return pd.DataFrame(lines)
 
 
-def _line(row: Any) -> dict[str, Any]:
-    error = f" ({row.error:.0f})" if row.seeds > 1 else ""
-    return {
-        "task": row.task,
-        "network": row.architecture + (" *" if row.leads else ""),
-        "printed": f"{row.printed:.0f} ({row.printed_error:.0f})",
-        "ours": f"{row.ours:.0f}{error}" if row.seeds else "not run",
-        "seeds": row.seeds,
-        "budget": f"{row.iterations} × {row.batch_steps:,}" if row.seeds else "–",
-    }
+def _entries(cells: pd.DataFrame) -> dict[str, str | None]:
+    """Entries of a row by net, from its means, standard errors and who leads."""
+    entries = {}
+    for net, mean, error, leads in cells.itertuples():
+        text = f"{mean:.0f}" if np.isnan(error) else f"{mean:.0f} ({error:.0f})"
+        bold = f"**{text}**" if leads and not cells.iloc[:, 2].all() else text
+        entries[net] = None if np.isnan(mean) else bold
+    return entries
+
+
+def _depth(cells: pd.DataFrame) -> str:
+    """How many seeds and how long our runs of a row are; not the same for all nets, a range."""
+    run = cells[cells.seeds > 0]
+    if run.empty:
+        return "not run"
+    depth = [_range(run[name]) for name in ("seeds", "iterations", "batch_steps")]
+    return "{} seeds, {} × {}".format(*depth)
+
+
+def _range(values: pd.Series) -> str:
+    low, high = values.min(), values.max()
+    return f"{low:,}" if low == high else f"{low:,} to {high:,}"
