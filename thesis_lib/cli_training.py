@@ -212,6 +212,8 @@ class TestPolicies:
     """Directory (or fsspec URL) of a sweep's runs, or its policies.pt."""
     settings: Annotated[SuiteConfig, tyro.conf.arg(name="", constructor=unchecked(SuiteConfig))]
     """Of the tests."""
+    names: tuple[str, ...] = ()
+    """Policies to test, or patterns such as "hopper-*-gru-*"; default all."""
     rule: str = "seed"
     """Which policies the printed table counts: seed (that whose training ended best) or all."""
     workers: int | None = None
@@ -226,7 +228,10 @@ class TestPolicies:
         config = checked(SuiteConfig, self.settings)
         check_rule(self.rule)
         out = writable_directory(self.out or repository_root() / "_build" / "results" / "tests")
-        table = evaluate_all(self.store, config, workers=self.workers, scheduler=self.scheduler)
+        names = self.names or None
+        table = evaluate_all(
+            self.store, config, names=names, workers=self.workers, scheduler=self.scheduler
+        )
         path = write_tests(table, self.store, config, out, command=command)
         print(text(best(table, self.rule)))
         print(f"{len(table)} runs of {table.run.nunique()} policies, written to {path}")

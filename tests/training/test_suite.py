@@ -185,5 +185,12 @@ def test_the_command(store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
     assert len(table) == len(CONFIGS) * 2 * 2
     assert (tmp_path / "out" / "tests.json").exists()
     assert "HalfCheetah" in capsys.readouterr().out
+    some = ["--names", "*-ffwd-*", run_name(CONFIGS[2])]
+    assert cli.main(["test-policies", str(store / "runs"), *some, *arguments, *out]) == 0
+    found = set(pd.read_parquet(tmp_path / "out" / "tests.parquet").run)
+    assert found == {run_name(CONFIGS[i]) for i in (0, 1, 2)}
+    capsys.readouterr()
+    assert cli.main(["test-policies", str(store / "runs"), "--names", "swimmer-*"]) == 2
+    assert "no policy is named 'swimmer-*'" in capsys.readouterr().err
     assert cli.main(["test-policies", str(tmp_path / "nothing")]) == 2
     assert "there are no policies in" in capsys.readouterr().err

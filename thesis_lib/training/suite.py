@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import fnmatch
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -181,7 +182,7 @@ def evaluate_all(
     config
         The tests.
     names
-        Policies to test; default all.
+        Of policies to test, or patterns such as ``hopper-*-gru-*``; default all.
     workers, scheduler
         See :func:`thesis_lib.training.cluster.connected`; no result depends on them.
 
@@ -190,13 +191,18 @@ def evaluate_all(
     pandas.DataFrame
         Columns as in :data:`COLUMNS`, one row a run of a test, policies in the order of their
         names in the store.
+
+    Raises
+    ------
+    ValueError
+        When there are no policies, or none of such a name.
     """
     from distributed import as_completed
 
     from thesis_lib.training.cluster import connected
 
     chosen, known = config or SuiteConfig(), policies_in(place)
-    names = list(known if names is None else names)
+    names = known if names is None else _named(names, known)
     found: dict[str, pd.DataFrame] = {}
     with connected(len(names), workers, scheduler, gigabytes=2) as client:
         # Robots apart, so that a worker seldom has to build another's worlds.
@@ -212,6 +218,17 @@ def evaluate_all(
         finally:
             client.cancel(list(futures))
     return pd.concat([found[name] for name in names], ignore_index=True)
+
+
+def _named(patterns: Sequence[str], known: Sequence[str]) -> list[str]:
+    """Those of some names that a pattern matches, in their order."""
+    for pattern in patterns:
+        if not any(fnmatch.fnmatchcase(name, pattern) for name in known):
+            raise ValueError(
+                f"no policy is named {pattern!r}: name some of the {len(known)}, such as "
+                f"{known[0]!r}, or a pattern such as 'hopper-*-gru-*'."
+            )
+    return [name for name in known if any(fnmatch.fnmatchcase(name, p) for p in patterns)]
 
 
 def _test(place: str, name: str, config: SuiteConfig) -> pd.DataFrame:
