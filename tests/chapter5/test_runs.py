@@ -89,6 +89,16 @@ def test_returns_are_means_over_test_runs_at_that_budget(tmp_path):
     assert set(found.iterations) == {10}
 
 
+def test_a_run_of_a_test_that_two_folders_hold_counts_once(tmp_path):
+    made = layer(tmp_path, "a", 1, 2, 1000)
+    test = RUN | {"seed": 0, "condition": "base"}
+    for name, returns in (("", [1.0, 5.0]), ("more", [1.0, 5.0, 6.0])):
+        (made / name).mkdir(exist_ok=True)
+        rows = [test | {"run": i, "return": r} for i, r in enumerate(returns)]
+        pd.DataFrame(rows).to_parquet(made / name / "tests.parquet")
+    assert read_runs(tmp_path).returns()["return"].tolist() == [4.0]
+
+
 def test_a_file_without_a_column_is_named(tmp_path):
     path = layer(tmp_path, "depth", 3, 2, 50_000)
     pd.read_csv(path / "curves.csv").drop(columns="seed").to_csv(path / "curves.csv")
