@@ -5,7 +5,7 @@ import pytest
 
 from tests.chapter5.worlds import NULL, OPPOSITE, THESIS, World
 from thesis_lib import chapter5
-from thesis_lib.chapter5 import calibration, contrasts, table_5_6
+from thesis_lib.chapter5 import calibration, contrasts, figure_5_4, table_5_6
 from thesis_lib.chapter5.contrasts import Config
 from thesis_lib.edition.chapters import read_chapter
 from thesis_lib.edition.ledger import Verdict
@@ -177,6 +177,20 @@ def test_few_seeds_or_steps_refute_nothing(seeds, iterations, tmp_path):
         found = CLAIMS[claim].judge(tables)
         assert found.verdict is Verdict.INCONCLUSIVE, found.evidence
         assert "too few to tell" in found.evidence
+
+
+@pytest.mark.parametrize("claim", ["5.5.2-cheetah-robust", "5.5.2-hopper-worst"])
+def test_robots_that_have_not_run_on_hills_are_not_compared(claim, worlds):
+    def without(robot: str) -> dict[str, pd.DataFrame]:
+        table = worlds["thesis"][figure_5_4.scores.id]
+        left_out = (table.source == "ours") & (table.task == robot) & (table.trained_on == "hill")
+        return worlds["thesis"] | {figure_5_4.scores.id: table[~left_out]}
+
+    found = CLAIMS[claim].judge(without("Swimmer"))
+    assert found.verdict is Verdict.INCONCLUSIVE
+    assert "Our runs (5 seeds, 4 of 5 robots) are too few to tell" in found.evidence
+    own = "HalfCheetah" if claim == "5.5.2-cheetah-robust" else "Hopper"
+    assert CLAIMS[claim].judge(without(own)).verdict is Verdict.NOT_RUN
 
 
 def test_each_claim_has_a_world_or_a_test_of_its_own():

@@ -291,16 +291,21 @@ def _by_robot(table: pd.DataFrame, source: str) -> pd.DataFrame:
 
 
 def _extreme(table: pd.DataFrame, source: str, robot: str, *, highest: bool) -> Evidence | None:
-    """Whether a robot's mean score is the highest, or lowest, of all quadrant by quadrant."""
-    by = _by_robot(table, source)
-    if by.empty or by.isna().any(axis=None):
+    """Whether a robot's mean score is the highest, or lowest, quadrant by quadrant.
+
+    Robots that lack one of the quadrants are not compared.
+    """
+    by = _by_robot(table, source).dropna()
+    if robot not in by.index:
         return None
     first = by.idxmax() if highest else by.idxmin()
     count = int((first == robot).sum())
     verdict = graded(count == by.shape[1], 2 * count > by.shape[1])
     listed = ", ".join(f"{ground} {what} {name}" for (ground, what), name in first.items())
     which = "highest" if highest else "lowest"
-    return _evidence(_means(table, source), verdict, f"the {which} mean score over nets: {listed}.")
+    rows = _means(table, source)
+    rows = rows[rows.task.isin(by.index)]
+    return _evidence(rows, verdict, f"the {which} mean score over nets: {listed}.")
 
 
 @both("5.5.2-cheetah-robust", scores)

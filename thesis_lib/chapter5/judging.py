@@ -95,7 +95,8 @@ def weigh(printed: Evidence | None, ours: Evidence | None) -> Finding:
         mine = "Ours have not all been run yet."
     else:
         deep = "" if ours.printed_budget else ", fewer steps than the thesis's"
-        mine = f"Our runs ({ours.units} seeds{deep}) {_WORDS[own]}: {ours.sentence}"
+        some = "" if ours.tasks == len(ROBOTS) else f", {ours.tasks} of {len(ROBOTS)} robots"
+        mine = f"Our runs ({ours.units} seeds{some}{deep}) {_WORDS[own]}: {ours.sentence}"
     verdicts = [v for v in (printed and printed.verdict, own) if v in _ORDER]
     weakest = min(verdicts, key=_ORDER.index, default=own)
     if own not in _ORDER and weakest in (Verdict.REPRODUCED, Verdict.DIRECTION):
