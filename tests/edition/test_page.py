@@ -124,6 +124,14 @@ def test_table(shown: list[Any]) -> None:
     assert "−4.1" in forms["text/html"]
 
 
+def test_numbers_of_a_table_have_four_digits_at_most(shown: list[Any]) -> None:
+    column = [0.1234, -9.876, 56.744, -254.62, 1234.5, -43525.0, np.inf]
+    nb.table(pd.DataFrame({"x": column}), name="t", caption="c", decimals=3)
+    rows = shown[0]._repr_mimebundle_()["text/markdown"].splitlines()[5:-1]
+    numbers = ["0.123", "−9.876", "56.74", "−254.6", "1,234", "−43,525", "inf"]
+    assert rows == [f"| {number} |" for number in numbers]
+
+
 def test_table_can_show_its_index(shown: list[Any]) -> None:
     nb.table(pd.DataFrame({"x": [1]}, index=pd.Index(["a"], name="row")), name="t", caption="c",
              index=True)  # fmt: skip

@@ -176,8 +176,8 @@ def table(
     caption
         One sentence, which may hold mathematics.
     decimals
-        Decimals of floating-point columns: one number, or one per column name; none from a
-        thousand on.
+        Decimals of floating-point columns: one number, or one per column name; fewer where a
+        number would have more than four digits, so that none has any from a thousand on.
     index
         Whether to show the index as the first column.
     """
@@ -225,7 +225,9 @@ def _cell(value: object, places: int) -> str:
     if isinstance(value, (float, np.floating)):
         if np.isnan(value):
             return "–"
-        places = places if abs(float(value)) < 1000 else 0
+        size = abs(float(value))
+        if 1 <= size < np.inf:
+            places = max(0, min(places, 4 - len(str(int(size)))))
         return f"{value:,.{places}f}".replace("-", "−")
     text = typeset(str(value)).replace("|", "\\|")
     text = _FREQUENCY.sub("(\\1\u00a0of\u00a0\\2", text)
