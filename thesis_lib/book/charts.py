@@ -189,11 +189,17 @@ def paths() -> alt.Chart:
 
 
 def learning() -> alt.Chart:
-    """Learning curves of nine networks, a robot at a time; of seven on hills, where trained."""
-    hilly = saved("study/breadth/curves").table.query("terrain == 'hill' and variant == 'default'")
-    hilly = hilly.assign(task=hilly.task + " on hills")
-    curves = pd.concat([saved("learning/curves").table, hilly])
-    curves = curves[curves.iteration % 8 == 0]  # the page is to stay light
+    """Learning curves, a robot and ground at a time: the study's, or shorter ones without it."""
+    cell = ["task", "terrain", "architecture"]
+    curves = pd.concat(
+        [
+            saved("study/breadth/curves").table.query("variant == 'default'").assign(deep=True),
+            saved("learning/curves").table.assign(deep=False),
+        ]
+    )
+    curves = curves[curves.deep == curves.groupby(cell).deep.transform("max")]
+    curves = curves[curves.iteration % 10 == 0]  # the page is to stay light
+    curves["task"] += curves.terrain.map({"flat": "", "hill": " on hills"})
     curves = curves.assign(architecture=curves.architecture.str.upper())
     by = curves.groupby(["task", "architecture", "iteration"], as_index=False)
     means = by[["steps", "mean_return"]].mean().round().drop(columns="iteration")
