@@ -102,6 +102,22 @@ def test_the_filter_study_reads_a_store(tmp_path, without, verdict):
     assert shown.loc["DTRNN", "white noise"] == "0.40 (0.00)"
 
 
+def test_the_filter_study_is_read_in_white_and_in_slow_noise():
+    def rows(arm, correlation, shares):
+        return [study_filter.Kept(arm, correlation, s, 1.0, x) for s, x in enumerate(shares)]
+
+    made = [*rows("CTRNN", 0, [0.8, 0.6]), *rows("DTRNN", 0, [0.6, 0.4])]
+    assert study_filter.reading(pd.DataFrame(made)) == "The policies have not all been tested yet."
+    made += rows("CTRNN, fixed", 0, [0.8, 0.6])
+    for time, more in ((3, 0.0), (100, 0.2)):
+        made += rows("CTRNN", time, [0.7 + more, 0.5 + more])
+        made += [r for arm in ("DTRNN", "CTRNN, fixed") for r in rows(arm, time, [0.5, 0.3])]
+    # Welch by hand: two pairs with standard errors of 0.1 have 2 degrees of freedom, t = 4.303.
+    words = study_filter.reading(pd.DataFrame(made))
+    assert "keep +0.200 [−0.408, +0.808] more than DTRNNs and +0.000 [−0.608, +0.608]" in words
+    assert "it is +0.300 [−0.308, +0.908] and +0.300 [−0.308, +0.908] (share" in words
+
+
 def test_the_arm_with_fixed_time_constants_is_a_run_of_the_sweep():
     arm = study_filter.ARMS["CTRNN, fixed"]
     step = ROBOTS[study_filter.ROBOT].control_dt

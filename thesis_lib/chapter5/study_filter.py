@@ -22,7 +22,9 @@ from thesis_lib.chapter5.runs import DEFAULT, Runs, read_runs
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import COLOURS
+from thesis_lib.edition.words import typeset
 from thesis_lib.policies import CTRNN
+from thesis_lib.stats import welch
 from thesis_lib.training.grid import key
 from thesis_lib.training.trained import TrainedPolicies
 
@@ -234,6 +236,42 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
         regularly = f"{regular.mean():.0f} ({regular.sem():.0f})"
         rows.append({"network": arm, "seeds": len(regular), "return": regularly, **shares})
     return pd.DataFrame(rows)
+
+
+def reading(table: pd.DataFrame) -> str:
+    """What CTRNNs keep more than DTRNNs and than CTRNNs with fixed time constants, in sentences.
+
+    Parameters
+    ----------
+    table
+        Of :data:`kept`.
+    """
+    kinds = []
+    for correlated in (False, True):
+        part = table[(table.correlation > 0) == correlated]
+        by = {arm: own.groupby("seed").retained.mean() for arm, own in part.groupby("arm")}
+        if not {"CTRNN", "DTRNN", "CTRNN, fixed"} <= set(by):
+            return "The policies have not all been tested yet."
+        gaps = [welch(by["CTRNN"], by[other]) for other in ("DTRNN", "CTRNN, fixed")]
+        kinds.append([f"{g.difference:+.3f} [{g.low:+.3f}, {g.high:+.3f}]" for g in gaps])
+    (white, white_fixed), (slow, slow_fixed) = kinds
+    regular = table.drop_duplicates(["arm", "seed"]).groupby("arm").base.mean()
+    behind = [
+        f"{net}s earn {regular[f'{net}, filtered'] / regular[net]:.0%}"
+        for net in ("DTRNN", "FFWD")
+        if f"{net}, filtered" in regular
+    ]
+    filtered = (
+        f" Behind the filter {' and '.join(behind)} of their regular return, counting policies "
+        "that still earn any."
+        if behind
+        else ""
+    )
+    return typeset(
+        f"Under white noise CTRNNs keep {white} more than DTRNNs and {white_fixed} more than "
+        f"CTRNNs with fixed time constants; in slow noise (mean over its correlation times) it is "
+        f"{slow} and {slow_fixed} (share of the regular return, Welch).{filtered}"
+    )
 
 
 def draw(table: pd.DataFrame) -> Figure:
