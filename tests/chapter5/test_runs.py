@@ -143,8 +143,9 @@ def test_a_table_of_cells_reads_as_the_thesis_prints_it():
         ]
     )
     made = cell_table.shown(table)
-    assert made.robot.tolist() == ["Hopper", "Hopper", "Hopper hill", "Hopper hill"]
-    assert made.runs.tolist() == ["printed", "1 to 3 seeds, 150 × 20,000", "printed", "not run"]
+    assert made.robot.tolist() == ["Hopper", "ours, n = 1 to 3", "Hopper hill", "not run"]
+    assert cell_table.run_length(table) == "150 iterations of 20,000 steps"
+    assert cell_table.run_length(table[table.seeds == 0]) == "no iteration"
     assert made.CTRNN[:3].tolist() == ["96 (22)", "1231 (7)", "96 (22)"]
     # Where all lead, nothing is bold.
     assert made.LSTM[:3].tolist() == ["**96 (22)**", "5", "96 (22)"]

@@ -214,9 +214,8 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
     for (ground, robot), cells in table.groupby(["trained_on", "task"], sort=False):
         name = robot if ground == "flat" else f"{robot} {ground}"
         by_net = cells.set_index("architecture")
-        for source, runs in (("printed", "printed"), ("ours", _depth(cells))):
-            entries = _entries(by_net[list(column(source))])
-            lines.append({"robot": name, "runs": runs, **entries})
+        lines.append({"robot": name, **_entries(by_net[list(column("printed"))])})
+        lines.append({"robot": _runs(cells), **_entries(by_net[list(column("ours"))])})
     return pd.DataFrame(lines)
 
 
@@ -230,13 +229,18 @@ def _entries(cells: pd.DataFrame) -> dict[str, str | None]:
     return entries
 
 
-def _depth(cells: pd.DataFrame) -> str:
-    """How many seeds and how long our runs of a row are; not the same for all nets, a range."""
+def _runs(cells: pd.DataFrame) -> str:
+    """Heading of our row: how many seeds there are; not the same for all nets, a range."""
     run = cells[cells.seeds > 0]
+    return "not run" if run.empty else f"ours, n = {_range(run.seeds)}"
+
+
+def run_length(table: pd.DataFrame) -> str:
+    """How long our runs in a table of cells are; not the same for all, a range."""
+    run = table[table.seeds > 0]
     if run.empty:
-        return "not run"
-    depth = [_range(run[name]) for name in ("seeds", "iterations", "batch_steps")]
-    return "{} seeds, {} × {}".format(*depth)
+        return "no iteration"
+    return f"{_range(run.iterations)} iterations of {_range(run.batch_steps)} steps"
 
 
 def _range(values: pd.Series) -> str:
