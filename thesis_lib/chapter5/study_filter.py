@@ -208,21 +208,28 @@ def learned_time_constant(policies: Path) -> float:
     -------
     float
         Median over units and seeds of what the arm CTRNN learned.
+
+    Raises
+    ------
+    ValueError
+        When the file has no such policy.
     """
     arm, file = ARMS["CTRNN"], TrainedPolicies(policies)
-    learned: list[float] = []
-    for run in map(file.load, file.names):
-        if (
-            isinstance(run.policy, CTRNN)
-            and key(run.config).items()
-            >= {
-                **{"task": ROBOT, "terrain": "flat"},
-                **{"architecture": arm.architecture, "variant": arm.variant},
-            }.items()
-        ):
-            learned += run.policy.time_constants().detach().double().tolist()
+    wanted = {
+        **{"task": ROBOT, "terrain": "flat"},
+        **{"architecture": arm.architecture, "variant": arm.variant},
+    }
+    learned = [
+        tau
+        for run in map(file.load, file.names)
+        if isinstance(run.policy, CTRNN) and wanted.items() <= key(run.config).items()
+        for tau in run.policy.time_constants().detach().double().tolist()
+    ]
     if not learned:
-        raise ValueError(f"{policies} has no {arm.architecture} of the {ROBOT} on flat ground.")
+        raise ValueError(
+            f"{str(policies)!r} has no {arm.architecture} of the {ROBOT} on flat ground: name a "
+            "file of policies that has, such as results/study/breadth/policies.pt."
+        )
     return float(np.median(learned))
 
 
