@@ -52,7 +52,7 @@ class Outcome:
     algorithm: str
     """q_learning or sarsa."""
     initial: str
-    """Initial values: pessimistic (below every return) or optimistic (0)."""
+    """Initial values: pessimistic (the reward of a fall) or optimistic (0)."""
     epsilon: float
     """Probability of a random action."""
     n_runs: int
