@@ -3,8 +3,10 @@
 import pandas as pd
 import pytest
 
-from thesis_lib.chapter5 import cell_table
+from thesis_lib.chapter5 import cell_table, judging, table_5_2
+from thesis_lib.chapter5.cells import NETS
 from thesis_lib.chapter5.runs import read_runs
+from thesis_lib.edition.ledger import Verdict
 from thesis_lib.training import curves
 from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.suite import SuiteConfig, evaluate_all, write
@@ -150,3 +152,75 @@ def test_a_table_of_cells_reads_as_the_thesis_prints_it():
     # Where all lead, nothing is bold.
     assert made.LSTM[:3].tolist() == ["**96 (22)**", "5", "96 (22)"]
     assert made[["CTRNN", "LSTM"]].iloc[3].isna().all()
+
+
+NAN = float("nan")
+
+
+def rows_of_ours(*rows: tuple[str, str, list[float]]) -> pd.DataFrame:
+    """Cells of some rows: robot, ground, and means of ours by net; NaN where nothing has run."""
+    return pd.DataFrame(
+        {
+            **{"task": robot, "trained_on": ground, "architecture": net},
+            **{"printed": 2.0, "printed_error": 0.1, "leads": False},
+            **{"ours": mean, "error": 0.1 if mean < 9 else NAN, "ours_leads": False},
+            **{"seeds": 3, "printed_budget": mean != 4},
+        }
+        for robot, ground, means in rows
+        for net, mean in zip(NETS, means, strict=False)
+    )
+
+
+def test_rows_that_have_been_run_whole_are_judged_and_the_rest_is_left_out():
+    asked = rows_of_ours(
+        ("Hopper", "flat", [4.0, 1.0]),
+        ("Hopper", "hill", [3.0, 9.0]),  # one run of the second net: no standard error
+        ("Ant", "flat", [3.0, 3.0]),
+        ("Ant", "hill", [3.0, NAN]),
+    )
+    whole = cell_table.whole_rows(asked, "ours")
+    assert whole[["task", "trained_on"]].drop_duplicates().values.tolist() == [
+        ["Hopper", "flat"],
+        ["Hopper", "hill"],
+        ["Ant", "flat"],
+    ]
+    several = cell_table.whole_rows(asked, "ours", errors=True)
+    assert several.index.tolist() == [0, 1, 4, 5]
+    assert cell_table.whole_rows(asked, "ours", errors=True, least=3).empty
+    assert len(cell_table.whole_rows(asked, "printed", least=4)) == 8
+
+
+def test_evidence_counts_robots_whose_rows_are_all_there():
+    asked = rows_of_ours(
+        ("Hopper", "flat", [4.0, 1.0]),
+        ("Ant", "flat", [3.0, 3.0]),
+        ("Ant", "hill", [3.0, NAN]),
+    )
+    rows = cell_table.whole_rows(asked, "ours")
+    found = cell_table.evidence(rows, asked, "ours", Verdict.REPRODUCED, "They do.")
+    assert (found.tasks, found.of_tasks, found.units) == (1, 2, 3)
+    assert not found.printed_budget  # of one cell
+    printed = cell_table.evidence(rows, asked, "printed", Verdict.REPRODUCED, "It does.")
+    made = judging.weigh(printed, found)
+    assert made.verdict is Verdict.INCONCLUSIVE
+    assert "(3 seeds, 1 of 2 robots, fewer steps than the thesis's)" in made.evidence
+
+
+def test_a_claim_about_one_robot_needs_no_other():
+    asked = rows_of_ours(("Hopper", "flat", [3.0, 1.0]))
+    found = cell_table.evidence(asked, asked, "ours", Verdict.NOT_REPRODUCED, "They do not.")
+    made = judging.weigh(None, found)
+    assert made.verdict is Verdict.NOT_REPRODUCED
+    assert "Our runs (3 seeds)" in made.evidence
+
+
+def test_a_hopper_that_has_not_been_run_leaves_its_claim_open():
+    """The other robots alone say nothing of which is hardest."""
+    whole, begun = [1.0, 1.0, 1.0, 3.0, 3.0, 1.0, 1.0], [1.0] * 6 + [NAN]
+    others = [(robot, "flat", whole) for robot in ("Ant", "Swimmer")]
+    table = rows_of_ours(*others, ("Hopper", "flat", begun))
+    assert table_5_2.hopper_hard(table).evidence.endswith("Ours have not all been run yet.")
+    table = rows_of_ours(*others[:1], ("Hopper", "flat", whole), ("Swimmer", "flat", begun))
+    found = table_5_2.hopper_hard(table)
+    assert "(3 seeds, 2 of 3 robots)" in found.evidence
+    assert "Ant 3.00, Hopper 3.00." in found.evidence

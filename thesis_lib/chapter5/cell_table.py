@@ -164,15 +164,53 @@ def wide(table: pd.DataFrame, value: str) -> pd.DataFrame:
     ]
 
 
-def evidence(table: pd.DataFrame, source: str, verdict: Verdict, sentence: str) -> Evidence:
-    """Evidence from the cells of some rows, with what our runs behind them were."""
+def whole_rows(
+    asked: pd.DataFrame, source: str, *, errors: bool = False, least: int = 1
+) -> pd.DataFrame:
+    """Cells of the rows (ground and robot) on which a source has all nets.
+
+    Parameters
+    ----------
+    asked
+        Cells a claim is about.
+    source
+        ``printed`` or ``ours``.
+    errors
+        Whether standard errors are needed too, which takes two runs a cell.
+    least
+        Fewer rows than this are as good as none.
+    """
+    value, error, _ = column(source)
+    there = asked[[value, error] if errors else [value]].notna().all(axis=1)
+    rows = asked[there.groupby([asked.trained_on, asked.task]).transform("all")]
+    return rows if rows.groupby(["trained_on", "task"]).ngroups >= least else rows.iloc[:0]
+
+
+def evidence(
+    rows: pd.DataFrame, asked: pd.DataFrame, source: str, verdict: Verdict, sentence: str
+) -> Evidence:
+    """Evidence from the cells of some rows, with what our runs behind them were.
+
+    Parameters
+    ----------
+    rows
+        Cells the sentence rests on.
+    asked
+        Cells the claim is about; a robot of which some are not among ``rows`` is not whole.
+    source, verdict, sentence
+        Of the evidence.
+    """
     if source == "printed":
         return Evidence(verdict, sentence)
+    missing = asked.task[~asked.index.isin(rows.index)].nunique()
+    robots = asked.task.nunique()
     return Evidence(
         verdict,
         sentence,
-        units=int(table.seeds.min()),
-        printed_budget=bool(table.printed_budget.all()),
+        units=int(rows.seeds.min()),
+        tasks=robots - missing,
+        of_tasks=robots,
+        printed_budget=bool(rows.printed_budget.all()),
     )
 
 
@@ -193,16 +231,6 @@ def best_against_best(row: pd.DataFrame, source: str, printed_runs: int) -> Comp
         for group in ("RNNs", "FNNs")
     )
     return welch(rnn, fnn)
-
-
-def several_runs(table: pd.DataFrame, source: str) -> bool:
-    """Whether a source has means and standard errors in all cells of some rows."""
-    return bool(table[list(column(source)[:2])].notna().all(axis=None))
-
-
-def run(table: pd.DataFrame, source: str) -> bool:
-    """Whether a source has numbers in all cells of some rows."""
-    return bool(table[column(source)[0]].notna().all())
 
 
 def shown(table: pd.DataFrame) -> pd.DataFrame:

@@ -52,6 +52,8 @@ class Evidence:
         Tasks with every net.
     printed_budget
         Whether all runs learned for as long as the thesis's.
+    of_tasks
+        Tasks the claim is about.
     """
 
     verdict: Verdict
@@ -59,6 +61,7 @@ class Evidence:
     units: int = 20
     tasks: int = len(ROBOTS)
     printed_budget: bool = True
+    of_tasks: int = len(ROBOTS)
 
 
 Judge = Callable[..., Evidence | None]
@@ -95,7 +98,7 @@ def weigh(printed: Evidence | None, ours: Evidence | None) -> Finding:
         mine = "Ours have not all been run yet."
     else:
         deep = "" if ours.printed_budget else ", fewer steps than the thesis's"
-        some = "" if ours.tasks == len(ROBOTS) else f", {ours.tasks} of {len(ROBOTS)} robots"
+        some = "" if ours.tasks == ours.of_tasks else f", {ours.tasks} of {ours.of_tasks} robots"
         mine = f"Our runs ({ours.units} seeds{some}{deep}) {_WORDS[own]}: {ours.sentence}"
     verdicts = [v for v in (printed and printed.verdict, own) if v in _ORDER]
     weakest = min(verdicts, key=_ORDER.index, default=own)
@@ -108,7 +111,7 @@ def _own(ours: Evidence | None) -> Verdict:
     """The verdict of our runs: fewer seeds, tasks or steps than it takes decide nothing."""
     if ours is None:
         return Verdict.NOT_RUN
-    whole = ours.units >= ENOUGH and ours.tasks == len(ROBOTS)
+    whole = ours.units >= ENOUGH and ours.tasks == ours.of_tasks
     if not whole or (not ours.printed_budget and ours.verdict is not Verdict.REPRODUCED):
         return Verdict.INCONCLUSIVE
     return ours.verdict

@@ -21,9 +21,8 @@ from thesis_lib.chapter5.cell_table import (
     best_against_best,
     column,
     evidence,
-    run,
-    several_runs,
     summary,
+    whole_rows,
     wide,
 )
 from thesis_lib.chapter5.cells import GROUPS, LEARNING_RUNS, NETS
@@ -77,17 +76,19 @@ def ffwd_second(source: str, table: pd.DataFrame) -> Evidence | None:
 @both("5.5.1-esn-underperforms", entries)
 def esn_below(source: str, table: pd.DataFrame) -> Evidence | None:
     """ESN less the mean of the other nets, by row, in shares; the ant's runs were cut short."""
-    table = table[table.task != "Ant"]
-    if not run(table, source):
+    asked = table[table.task != "Ant"]
+    rows = whole_rows(asked, source, least=2)
+    if rows.empty:
         return None
-    by = wide(table, column(source)[0])
+    by = wide(rows, column(source)[0])
     by = by.div(by.max(axis=1), axis=0)
     gap = by.ESN - by.drop(columns="ESN").mean(axis=1)
     p = float(ttest_1samp(gap, 0).pvalue)
     rank = by.rank(axis=1, ascending=False).ESN.mean()
     most = 2 * (gap < 0).sum() > len(gap)
     return evidence(
-        table,
+        rows,
+        asked,
         source,
         graded(most and p < ALPHA, most),
         f"the ESN is below the mean of the other nets on {(gap < 0).sum()} of {len(gap)} rows (the "
@@ -99,30 +100,33 @@ def esn_below(source: str, table: pd.DataFrame) -> Evidence | None:
 @both("5.5.1-hopper-hard", entries)
 def hopper_hard(source: str, table: pd.DataFrame) -> Evidence | None:
     """Best FNN over best RNN, by robot on the flat."""
-    table = table[table.trained_on == "flat"]
-    if not run(table, source):
+    asked = table[table.trained_on == "flat"]
+    rows = whole_rows(asked, source)
+    hopper = rows[rows.task == "Hopper"]
+    if hopper.empty:
         return None
-    by = wide(table, column(source)[0]).droplevel("trained_on")
+    by = wide(rows, column(source)[0]).droplevel("trained_on")
     ratio = by[list(GROUPS["FNNs"])].max(axis=1) / by[list(GROUPS["RNNs"])].max(axis=1)
     listed = ", ".join(f"{robot} {value:.2f}" for robot, value in ratio.items())
     verdict, p = Verdict.NOT_REPRODUCED, ""
-    if ratio.idxmax() == "Hopper" and several_runs(table, source):
-        hopper = table[table.task == "Hopper"]
+    if ratio.idxmax() == "Hopper" and hopper[column(source)[1]].notna().all():
         test = best_against_best(hopper, source, LEARNING_RUNS)
         sure = test.difference < 0 and test.p_value < ALPHA
         verdict = Verdict.REPRODUCED if sure else Verdict.DIRECTION
         p = f"; on the Hopper the two differ with p = {test.p_value:.2g}"
-    return evidence(table, source, verdict, f"best FNN over best RNN on the flat: {listed}{p}.")
+    return evidence(
+        rows, asked, source, verdict, f"best FNN over best RNN on the flat: {listed}{p}."
+    )
 
 
 @both("5.5.1-hopper-vanilla", entries)
 def hopper_vanilla(source: str, table: pd.DataFrame) -> Evidence | None:
     """CTRNN and DTRNN against ESN, GRU and LSTM on the flat hopper, by Welch."""
     table = table[(table.trained_on == "flat") & (table.task == "Hopper")].set_index("architecture")
-    if not run(table, source):
+    value, error, _ = column(source)
+    if table[value].isna().any():
         return None
-    value = column(source)[0]
-    known = several_runs(table, source)
+    known = bool(table[error].notna().all())
     summaries = {
         net: summary(table.loc[net], source, LEARNING_RUNS) for net in GROUPS["RNNs"] if known
     }
@@ -140,27 +144,29 @@ def hopper_vanilla(source: str, table: pd.DataFrame) -> Evidence | None:
         f"mean returns {listed}; {sum(significant)} of {len(tests)} differences between a vanilla "
         "and another net significant (Welch)."
     )
-    return evidence(table, source, verdict, sentence)
+    return evidence(table, table, source, verdict, sentence)
 
 
 @both("table-5.2-bold", entries)
 def bold(source: str, table: pd.DataFrame) -> Evidence | None:
     """Rows led by one net alone."""
-    if not run(table, source):
+    rows = whole_rows(table, source)
+    if rows.empty:
         return None
-    lead = wide(table, column(source)[2])
-    alone = lead.sum(axis=1) == 1
-    some = (lead.sum(axis=1) < len(NETS)).sum()
+    lead = wide(rows, column(source)[2])
+    leaders = lead.sum(axis=1)
+    alone = leaders == 1
+    some = leaders.between(1, len(NETS) - 1).sum()
     groups = "; ".join(
         f"{robot} {ground}: {', '.join(lead.columns[row])}"
         for (ground, robot), row in lead.iterrows()
-        if row.sum() <= 2
+        if 1 <= row.sum() <= 2
     )
     sentence = (
         f"one net is significantly better than all others on {alone.sum()} of {len(lead)} rows; "
         f"on {some} a leading group is better than some. Led by one or two: {groups or 'none'}."
     )
-    return evidence(table, source, graded(alone.any(), some > 0), sentence)
+    return evidence(rows, table, source, graded(alone.any(), some > 0), sentence)
 
 
 def _spread(table: pd.DataFrame, source: str) -> tuple[pd.Series, pd.Series]:
@@ -177,25 +183,27 @@ def _spread(table: pd.DataFrame, source: str) -> tuple[pd.Series, pd.Series]:
 @both("5.5.2-rnn-vary", entries)
 def rnn_vary(source: str, table: pd.DataFrame) -> Evidence | None:
     """Standard errors over learning runs, RNNs against FNNs, rows in pairs."""
-    if not several_runs(table, source):
+    rows = whole_rows(table, source, errors=True, least=2)
+    if rows.empty:
         return None
     listed, sure, larger = [], [], []
-    for name, part in zip(("itself", "relation to the mean"), _spread(table, source), strict=True):
+    for name, part in zip(("itself", "relation to the mean"), _spread(rows, source), strict=True):
         ratio = np.log(part.RNNs / part.FNNs)
         p = float(ttest_1samp(ratio, 0).pvalue)
         larger.append(ratio.mean() > 0)
         sure.append(ratio.mean() > 0 and p < ALPHA)
         listed.append(f"in {name} {np.exp(ratio.mean()):.2f} times that of FNNs (p = {p:.2g})")
     sentence = f"RNNs' standard error over learning runs is {' and '.join(listed)}."
-    return evidence(table, source, graded(all(sure), any(larger)), sentence)
+    return evidence(rows, table, source, graded(all(sure), any(larger)), sentence)
 
 
 @both("6.1-fnn-stable", entries)
 def fnn_stable(source: str, table: pd.DataFrame) -> Evidence | None:
     """Rows on which FNNs vary less between learning runs, as a share of their mean."""
-    if not several_runs(table, source):
+    rows = whole_rows(table, source, errors=True)
+    if rows.empty:
         return None
-    _, relative = _spread(table, source)
+    _, relative = _spread(rows, source)
     less = relative.FNNs < relative.RNNs
     p = float(binomtest(int(less.sum()), len(less)).pvalue)
     most = 2 * less.sum() > len(less)
@@ -203,7 +211,7 @@ def fnn_stable(source: str, table: pd.DataFrame) -> Evidence | None:
         f"their relative standard error is lower on {less.sum()} of {len(less)} rows (sign test "
         f"p = {p:.2g})."
     )
-    return evidence(table, source, graded(most and p < ALPHA, most), sentence)
+    return evidence(rows, table, source, graded(most and p < ALPHA, most), sentence)
 
 
 @criterion("table-5.2-means", entries)
