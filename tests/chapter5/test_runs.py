@@ -60,6 +60,29 @@ def test_without_enough_seeds_anywhere_the_deepest_counts(tmp_path):
     assert read_runs(tmp_path).deepest().layer.tolist() == ["depth"]
 
 
+def test_grounds_are_compared_at_a_budget_that_both_have(tmp_path):
+    layer(tmp_path, "breadth", 3, 4, 20_000)
+    layer(tmp_path / "breadth", "hills", 3, 4, 20_000, terrain="hill")
+    layer(tmp_path, "depth", 3, 10, 50_000)
+    runs = read_runs(tmp_path)
+    assert runs.deepest().layer.tolist() == ["depth", "breadth"]
+    assert runs.deepest(across=["terrain"]).layer.tolist() == ["breadth", "breadth"]
+
+
+def test_a_budget_of_one_ground_counts_where_the_other_has_none(tmp_path):
+    layer(tmp_path, "breadth", 3, 4, 20_000)
+    layer(tmp_path, "depth", 3, 10, 50_000)
+    assert read_runs(tmp_path).deepest(across=["terrain"]).layer.tolist() == ["depth"]
+
+
+def test_a_study_may_ask_for_more_seeds(tmp_path):
+    layer(tmp_path, "breadth", 5, 4, 20_000)
+    layer(tmp_path, "depth", 3, 10, 50_000)
+    runs = read_runs(tmp_path)
+    assert runs.deepest(enough=5).layer.tolist() == ["breadth"]
+    assert runs.deepest(enough=6).layer.tolist() == ["depth"]
+
+
 def test_unfinished_runs_are_left_out(tmp_path):
     layer(tmp_path, "depth", 4, [10, 10, 10, 6], 50_000)
     runs = read_runs(tmp_path)

@@ -118,6 +118,49 @@ def test_the_filter_study_is_read_in_white_and_in_slow_noise():
     assert "it is +0.300 [−0.308, +0.908] and +0.300 [−0.308, +0.908] (share" in words
 
 
+def slow_noise(lead: float, over_fixed: float, seeds: int = 8) -> pd.DataFrame:
+    """Shares kept at two correlation times; seeds of an arm differ by .01 from one to the next."""
+    arms = {"CTRNN": 0.5, "DTRNN": 0.5 - lead, "CTRNN, fixed": 0.5 - over_fixed}
+    rows = [
+        study_filter.Kept(arm, time, 16 + s, 1.0, share + 0.01 * s + shift)
+        for arm, share in arms.items()
+        for time, shift in ((0, 9.0), (3, -0.1), (100, 0.1))
+        for s in range(seeds)
+    ]
+    return pd.DataFrame(rows)
+
+
+@pytest.mark.parametrize(
+    ("lead", "over_fixed", "seeds", "verdict"),
+    [
+        (0.1, 0.1, 8, Verdict.REPRODUCED),
+        (0.1, 0.01, 8, Verdict.DIRECTION),
+        (0.1, -0.01, 8, Verdict.NOT_REPRODUCED),
+        (0.1, -0.1, 8, Verdict.REFUTED),
+        (0.1, 0.1, 7, Verdict.INCONCLUSIVE),
+        # Welch by hand: sd .0245, standard error of a difference .0122, 14 degrees of freedom:
+        # .03 is p = .028, below .05 with the other, and twice that, .056, after Holm for both.
+        (0.03, 0.1, 8, Verdict.REPRODUCED),
+        (0.03, 0.03, 8, Verdict.DIRECTION),
+    ],
+)
+def test_fresh_seeds_keep_more_in_slow_noise_or_not(lead, over_fixed, seeds, verdict):
+    found = study_filter.keeps_more_in_slow_noise(slow_noise(lead, over_fixed, seeds))
+    assert found.verdict is verdict
+    assert f"{seeds} fresh seeds" in found.evidence
+
+
+def test_fresh_seeds_are_those_from_sixteen_on(tmp_path):
+    kept = {(arm, c): 0.5 for arm in ("CTRNN", "DTRNN", "CTRNN, fixed") for c in (0, 3)}
+    filter_store(tmp_path / "filter", kept, seeds=18)
+    config = study_filter.Config(resamples=200, store=str(tmp_path))
+    assert set(study_filter.kept.run(config=config).table.seed) == set(range(16))
+    fresh = study_filter.fresh.run(config=config).table
+    assert set(fresh.seed) == {16, 17}
+    none = study_filter.fresh.run(config=study_filter.Config(store="/nowhere")).table
+    assert study_filter.keeps_more_in_slow_noise(none).verdict is Verdict.NOT_RUN
+
+
 def test_the_arm_with_fixed_time_constants_is_a_run_of_the_sweep():
     arm = study_filter.ARMS["CTRNN, fixed"]
     step = ROBOTS[study_filter.ROBOT].control_dt
@@ -149,7 +192,9 @@ def test_enough_seeds_are_the_fewest():
 
 def test_the_filters_time_constant_is_the_median_of_what_the_ctrnns_learned(tmp_path):
     small = {"iterations": 1, "batch_steps": 40, "horizon": 20}
-    configs = [TrainConfig("HalfCheetah", architecture="ctrnn", seed=s, **small) for s in (0, 1)]
+    configs = [
+        TrainConfig("HalfCheetah", architecture="ctrnn", seed=s, **small) for s in (0, 1, 16)
+    ]
     configs += [
         TrainConfig("HalfCheetah", architecture="ctrnn", time_constant=1.0, **small),
         TrainConfig("Hopper", architecture="ctrnn", **small),

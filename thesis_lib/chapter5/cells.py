@@ -117,8 +117,8 @@ def from_learning(
 def from_tests(
     store: Runs, rng: np.random.Generator, n_resamples: int, nets: tuple[str, ...] = NETS
 ) -> Cells:
-    """Returns of tests by seed, from runs of ours."""
-    table = store.returns()
+    """Returns of tests by seed, from runs of ours, on both grounds at one budget."""
+    table = store.returns(across=["terrain"])
     plain = (table.correlation == 0) & (table.intervention == "none")
     return _ours(table[plain], CONDITIONS, nets, rng, n_resamples)
 

@@ -8,7 +8,7 @@ same iteration; one that has not come so far is left out.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -70,11 +70,20 @@ class Runs:
     curves: pd.DataFrame
     tests: pd.DataFrame
 
-    def depths(self) -> pd.DataFrame:
+    def depths(self, *, enough: int = ENOUGH, across: Sequence[str] = ()) -> pd.DataFrame:
         """The budgets there are for each cell, the one that counts first.
 
-        That is the deepest, in control steps a run, of those with :data:`ENOUGH` seeds; without
-        one, the deepest.
+        That is the deepest, in control steps a run, of those with enough seeds; without one, the
+        deepest.
+
+        Parameters
+        ----------
+        enough
+            Seeds that a budget needs to count.
+        across
+            Which of :data:`CELL` differ between cells that are compared: of those the layer that
+            most have counts for all.  ``["terrain"]``, say, where hill-trained policies are held
+            against flat-trained ones.
 
         Returns
         -------
@@ -93,14 +102,16 @@ class Runs:
             seeds=("seed", "nunique"),
         )
         found["steps"] = found.iterations * found.batch_steps
-        found["enough"] = found.seeds >= ENOUGH
-        return found.sort_values(
-            [*CELL, "enough", "steps", "seeds"], ascending=[True] * 4 + [False] * 3
-        ).drop(columns="enough")
+        found["enough"] = found.seeds >= enough
+        compared = [*(c for c in CELL if c not in across), "layer"]
+        found["shared"] = found.groupby(compared).enough.transform("sum")
+        order = ["shared", "enough", "steps", "seeds"]
+        found = found.sort_values([*CELL, *order], ascending=[True] * 4 + [False] * 4)
+        return found.drop(columns=["enough", "shared"])
 
-    def deepest(self) -> pd.DataFrame:
-        """The budget that counts for each cell; columns as :meth:`depths`."""
-        return self.depths().drop_duplicates(CELL)
+    def deepest(self, *, enough: int = ENOUGH, across: Sequence[str] = ()) -> pd.DataFrame:
+        """The budget that counts for each cell; parameters and columns as :meth:`depths`."""
+        return self.depths(enough=enough, across=across).drop_duplicates(CELL)
 
     def learning(self) -> pd.DataFrame:
         """Mean return over learning, the measure of table 5.2, by run at the budget that counts.
@@ -111,14 +122,19 @@ class Runs:
             Columns of :data:`RUN_COLUMNS`, ``mean_return``, ``last_return`` (mean of the last five
             iterations), ``iterations``, ``batch_steps``.
         """
-        chosen = self._chosen(self.curves)
+        chosen = self._chosen(self.curves, self.deepest())
         chosen = chosen.sort_values("iteration")
         by = chosen.groupby([*CELL, "seed", "iterations", "batch_steps"]).mean_return
         runs = by.agg(["mean", lambda r: r.tail(5).mean()])
         return runs.set_axis(["mean_return", "last_return"], axis=1).reset_index()
 
-    def returns(self) -> pd.DataFrame:
+    def returns(self, *, enough: int = ENOUGH, across: Sequence[str] = ()) -> pd.DataFrame:
         """Mean return of each policy in each test, at the budget that counts.
+
+        Parameters
+        ----------
+        enough, across
+            Which that is (:meth:`depths`).
 
         Returns
         -------
@@ -127,12 +143,13 @@ class Runs:
             ``iterations``, ``batch_steps``.
         """
         keys = ["seed", "condition", "correlation", "intervention", "iterations", "batch_steps"]
-        chosen = self._chosen(self.tests)
+        chosen = self._chosen(self.tests, self.deepest(enough=enough, across=across))
         return chosen.groupby([*CELL, *keys], as_index=False)["return"].mean()
 
-    def _chosen(self, table: pd.DataFrame) -> pd.DataFrame:
-        budget = [*CELL, "layer", "iterations", "batch_steps"]
-        return table.merge(self.deepest()[budget], on=[*CELL, "layer"])
+    @staticmethod
+    def _chosen(table: pd.DataFrame, budgets: pd.DataFrame) -> pd.DataFrame:
+        columns = [*CELL, "layer", "iterations", "batch_steps"]
+        return table.merge(budgets[columns], on=[*CELL, "layer"])
 
 
 def read_runs(folder: Path | str | None = None) -> Runs:

@@ -88,7 +88,7 @@ def _rise(returns: FloatArray) -> FloatArray:
 
 def _losses(store: Runs, rng: np.random.Generator, n: int) -> Iterator[Effect]:
     """Log loss of the regular return by an intervention, hill-trained less flat-trained."""
-    tests = store.returns()
+    tests = store.returns(across=["terrain"])
     tests = tests[(tests.condition == "base") & (tests.variant == DEFAULT)]
     keys = [*CELL, "seed", "iterations", "batch_steps"]
     wide = tests.pivot_table(index=keys, columns="intervention", values="return").reset_index()
