@@ -5,7 +5,7 @@ import pytest
 
 from tests.chapter5.worlds import NULL, OPPOSITE, THESIS, World
 from thesis_lib import chapter5
-from thesis_lib.chapter5 import calibration, contrasts, figure_5_4, table_5_6
+from thesis_lib.chapter5 import calibration, contrasts, figure_5_4, table_5_2, table_5_6
 from thesis_lib.chapter5.contrasts import Config
 from thesis_lib.edition.chapters import read_chapter
 from thesis_lib.edition.ledger import Verdict
@@ -27,7 +27,7 @@ TRUE_OF_OPPOSITE = {
 SPECIAL = {
     *("table-5.2-means", "table-5.3-is-c.1", "5.4-regular-test"),
     *("table-5.6-drops", "table-5.6-retained"),
-    *("5.5.2-ctrnn-filters", "ch5-slow-noise", "table-5.1-subset"),
+    *("5.5.2-ctrnn-filters", "ch5-correlated-noise", "table-5.1-subset"),
 }
 ORDINARY = sorted(set(CLAIMS) - SPECIAL)
 #: The calibration reads a store of its own (test_calibration).
@@ -156,14 +156,27 @@ def test_table_5_6_is_no_ratio_of_drops(printed):
 def test_printed_means_are_compared_at_the_printed_budget_alone(worlds, printed):
     claim = CLAIMS["table-5.2-means"]
     assert claim.judge(printed).verdict is Verdict.NOT_RUN
-    table = worlds["thesis"]["table-5.2"]
     # As printed: our own means, to their standard errors.
-    same = table.assign(p_printed=1.0)
-    assert claim.judge({"table-5.2": same}).verdict is Verdict.REPRODUCED
-    other = table.assign(printed=2 * table.ours, p_printed=0.001)
-    assert claim.judge({"table-5.2": other}).verdict is Verdict.NOT_REPRODUCED
+    table = worlds["thesis"]["table-5.2"].assign(p_printed=1.0)
+    assert claim.judge({"table-5.2": table}).verdict is Verdict.REPRODUCED
+    half = table.assign(printed=2 * table.ours)
+    assert claim.judge({"table-5.2": half}).verdict is Verdict.INCONCLUSIVE
+    other = half.assign(p_printed=0.0001)
+    assert claim.judge({"table-5.2": other}).verdict is Verdict.REFUTED
     shallow = table.assign(printed_budget=False)
     assert claim.judge({"table-5.2": shallow}).verdict is Verdict.INCONCLUSIVE
+
+
+def test_printed_means_by_which_settings_were_chosen_are_a_fit_and_decide_nothing(worlds):
+    table = worlds["thesis"]["table-5.2"].assign(p_printed=1.0)
+    chosen = table.task.isin(["HalfCheetah", "Hopper"]) & (table.trained_on == "flat")
+    table.loc[chosen, "printed"] *= 2
+    claim = CLAIMS["table-5.2-means"]
+    found = claim.judge({"table-5.2": table})
+    assert found.verdict is Verdict.REPRODUCED
+    assert "hold the printed mean of 0; " in found.evidence  # of the 14 that were fitted
+    alone = table.assign(printed_budget=chosen)
+    assert claim.judge({"table-5.2": alone}).verdict is Verdict.INCONCLUSIVE
 
 
 @pytest.mark.parametrize(("seeds", "iterations"), [(2, 500), (5, 150)])
@@ -176,7 +189,7 @@ def test_few_seeds_or_steps_refute_nothing(seeds, iterations, tmp_path):
     for claim in ("5.5.1-fnn-fastest", "5.5.2-switch-flat-fnn", "1.4-hill-rnn-not-fnn"):
         found = CLAIMS[claim].judge(tables)
         assert found.verdict is Verdict.INCONCLUSIVE, found.evidence
-        assert "too few to tell" in found.evidence
+        assert "too few or too short to tell" in found.evidence
 
 
 @pytest.mark.parametrize("claim", ["5.5.2-cheetah-robust", "5.5.2-hopper-worst"])
@@ -188,7 +201,7 @@ def test_robots_that_have_not_run_on_hills_are_not_compared(claim, worlds):
 
     found = CLAIMS[claim].judge(without("Swimmer"))
     assert found.verdict is Verdict.INCONCLUSIVE
-    assert "Our runs (5 seeds, 4 of 5 robots) are too few to tell" in found.evidence
+    assert "Our runs (5 seeds, 4 of 5 robots) are too few or too short to tell" in found.evidence
     own = "HalfCheetah" if claim == "5.5.2-cheetah-robust" else "Hopper"
     assert CLAIMS[claim].judge(without(own)).verdict is Verdict.NOT_RUN
 
@@ -196,3 +209,19 @@ def test_robots_that_have_not_run_on_hills_are_not_compared(claim, worlds):
 def test_each_claim_has_a_world_or_a_test_of_its_own():
     assert set(CLAIMS) >= SPECIAL | TRUE_OF_NULL
     assert len(CLAIMS) >= 45
+
+
+def test_ratios_to_the_printed_means_by_hand():
+    """Ratios 1.5 and .5 with relative errors (.3 and 1.5 x .2) and (.1 and .5 x .2)."""
+    cells = pd.DataFrame(
+        {
+            "architecture": ["GRU", "GRU"],
+            "ours": [150.0, 5.0],
+            "error": [30.0, 1.0],
+            "printed": [100.0, 10.0],
+            "printed_error": [20.0, 2.0],
+        }
+    )
+    found = table_5_2._ratios(cells).loc["GRU"]
+    assert found.ratio == pytest.approx(1.0)
+    assert found.error == pytest.approx((0.09 + 0.09 + 0.01 + 0.01) ** 0.5 / 2)

@@ -159,7 +159,7 @@ def text_subset_learns(table: pd.DataFrame) -> Finding:
     text, code = rows.loc["text"], rows.loc["code"]
     low = text.printed_mean - 2 * text.printed_se
     verdict = Verdict.REPRODUCED if text.last_return >= low else Verdict.NOT_REPRODUCED
-    if min(text.n_runs, code.n_runs) < 2 and verdict is Verdict.NOT_REPRODUCED:
+    if min(text.n_runs, code.n_runs) < 2:
         verdict = Verdict.INCONCLUSIVE
     return Finding(
         verdict,

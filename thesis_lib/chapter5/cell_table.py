@@ -264,11 +264,21 @@ def _runs(cells: pd.DataFrame) -> str:
 
 
 def run_length(table: pd.DataFrame) -> str:
-    """How long our runs in a table of cells are; not the same for all, a range."""
+    """How long our runs in a table of cells are, and on which rows they are longer or shorter."""
     run = table[table.seeds > 0]
     if run.empty:
         return "no iteration"
-    return f"{_range(run.iterations)} iterations of {_range(run.batch_steps)} steps"
+    row = run.task + " " + run.trained_on
+    by_budget = row.groupby([run.iterations, run.batch_steps]).unique()
+    by_budget = by_budget.sort_values(
+        key=lambda rows: rows.map(len), ascending=False, kind="stable"
+    )
+    (usual, *others) = (
+        (f"{iterations:,} iterations of {batch:,} steps", rows)
+        for (iterations, batch), rows in by_budget.items()
+    )
+    apart = [f"; on {', '.join(rows)} {length}" for length, rows in others]
+    return usual[0] + "".join(apart)
 
 
 def _range(values: pd.Series) -> str:

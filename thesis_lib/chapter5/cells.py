@@ -109,8 +109,9 @@ def printed(
 def from_learning(
     store: Runs, rng: np.random.Generator, n_resamples: int, nets: tuple[str, ...] = NETS
 ) -> Cells:
-    """Mean return over learning by seed, from runs of ours."""
-    table = store.learning().assign(condition="learning").rename(columns={"mean_return": "return"})
+    """Mean return over learning by seed, from runs of ours, on both grounds at one budget."""
+    table = store.learning(across=["terrain"]).assign(condition="learning")
+    table = table.rename(columns={"mean_return": "return"})
     return _ours(table, ("learning",), nets, rng, n_resamples)
 
 

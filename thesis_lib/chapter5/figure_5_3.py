@@ -111,8 +111,9 @@ def draw(table: pd.DataFrame) -> Figure:
             cell = both[both.trained_on == ground]
             for net, colour in zip(NETS, COLOURS, strict=False):
                 own = cell[cell.architecture == net]
-                ax.plot(own.iteration, own.mean_return, color=colour, label=net)
-                ax.fill_between(own.iteration, own.low, own.high, color=colour, alpha=0.15, lw=0)
+                steps = own.iteration * own.batch_steps / 1e6
+                ax.plot(steps, own.mean_return, color=colour, label=net)
+                ax.fill_between(steps, own.low, own.high, color=colour, alpha=0.15, lw=0)
                 ax.plot(
                     [1.02],
                     [own.printed.iloc[0]],
@@ -122,7 +123,7 @@ def draw(table: pd.DataFrame) -> Figure:
                     transform=ax.get_yaxis_transform(),
                 )
             ax.set_title(f"{robot}, {ground}")
-            ax.set_xlim(0, max(1, both.iterations.max()))
+            ax.set_xlim(0, max(1, (cell.iterations * cell.batch_steps).max() / 1e6))
             if cell.mean_return.isna().all():
                 ax.text(0.5, 0.5, "not run yet", transform=ax.transAxes, ha="center")
         low, high = both.mean_return.min(), max(both.mean_return.max(), both.printed.max())
@@ -130,7 +131,7 @@ def draw(table: pd.DataFrame) -> Figure:
             row[0].set_ylim(low - 0.1 * (high - low), high + 0.1 * (high - low))
         row[0].set_ylabel("mean return")
     for ax in axes[-1]:
-        ax.set_xlabel("iteration")
+        ax.set_xlabel("million control steps")
     fig.legend(
         *axes[0, 0].get_legend_handles_labels(),
         loc="outside lower center",

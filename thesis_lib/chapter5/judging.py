@@ -32,7 +32,7 @@ _WORDS = {
     Verdict.NOT_REPRODUCED: "do not show it",
     Verdict.DIRECTION: "agree in direction only",
     Verdict.REPRODUCED: "bear it out",
-    Verdict.INCONCLUSIVE: "are too few to tell",
+    Verdict.INCONCLUSIVE: "are too few or too short to tell",
 }
 
 
@@ -111,10 +111,8 @@ def _own(ours: Evidence | None) -> Verdict:
     """The verdict of our runs: fewer seeds, tasks or steps than it takes decide nothing."""
     if ours is None:
         return Verdict.NOT_RUN
-    whole = ours.units >= ENOUGH and ours.tasks == ours.of_tasks
-    if not whole or (not ours.printed_budget and ours.verdict is not Verdict.REPRODUCED):
-        return Verdict.INCONCLUSIVE
-    return ours.verdict
+    whole = ours.units >= ENOUGH and ours.tasks == ours.of_tasks and ours.printed_budget
+    return ours.verdict if whole else Verdict.INCONCLUSIVE
 
 
 def of_rows(rows: pd.DataFrame, verdict: Verdict, sentence: str) -> Evidence:

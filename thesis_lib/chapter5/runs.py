@@ -113,8 +113,13 @@ class Runs:
         """The budget that counts for each cell; parameters and columns as :meth:`depths`."""
         return self.depths(enough=enough, across=across).drop_duplicates(CELL)
 
-    def learning(self) -> pd.DataFrame:
+    def learning(self, *, across: Sequence[str] = ()) -> pd.DataFrame:
         """Mean return over learning, the measure of table 5.2, by run at the budget that counts.
+
+        Parameters
+        ----------
+        across
+            Which that is (:meth:`depths`).
 
         Returns
         -------
@@ -122,7 +127,7 @@ class Runs:
             Columns of :data:`RUN_COLUMNS`, ``mean_return``, ``last_return`` (mean of the last five
             iterations), ``iterations``, ``batch_steps``.
         """
-        chosen = self._chosen(self.curves, self.deepest())
+        chosen = self._chosen(self.curves, self.deepest(across=across))
         chosen = chosen.sort_values("iteration")
         by = chosen.groupby([*CELL, "seed", "iterations", "batch_steps"]).mean_return
         runs = by.agg(["mean", lambda r: r.tail(5).mean()])
@@ -184,7 +189,8 @@ def _read(root: Path, name: str, columns: Mapping[str, str]) -> pd.DataFrame:
         if lacking := [c for c in columns if c not in table]:
             raise ValueError(
                 f"{path.name} of the layer {path.parent.name!r} lacks the columns "
-                f"{', '.join(lacking)}: make it again with `thesis sweep` or `thesis test`."
+                f"{', '.join(lacking)}: make it again with `thesis sweep` or `thesis "
+                "test-policies`."
             )
         layer = path.relative_to(root).parts[0]
         parts.append(table[list(columns)].assign(layer=layer))

@@ -18,7 +18,7 @@ from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5 import cells
 from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS, Cells
 from thesis_lib.chapter5.contrasts import SMOKE, Config
-from thesis_lib.chapter5.judging import Evidence, both
+from thesis_lib.chapter5.judging import Evidence, both, together
 from thesis_lib.chapter5.runs import CELL, DEFAULT, ENOUGH, PRINTED_STEPS, Runs, read_runs
 from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, experiment
@@ -37,8 +37,9 @@ class Effect:
     source: str
     """Printed or ours."""
     name: str
-    """Noise or switch: rise of the share kept, RNNs less FNNs.  No memory or no previous action:
-    loss of the regular return without it, hill-trained less flat-trained RNNs."""
+    """Noise or switch: rise of the share kept, RNNs less FNNs.  Noise, RNNs: theirs alone.  No
+    memory or no previous action: loss of the regular return without it, hill-trained less
+    flat-trained RNNs."""
     value: float
     """Mean over robots of the difference of logarithms."""
     low: float
@@ -66,24 +67,24 @@ def effects(config: Config, context: Context) -> list[Effect]:
 
 
 def _rises(made: Cells) -> Iterator[Effect]:
-    mean, draws = _rise(made.mean), _rise(made.draws)
+    rnns = np.isin(NETS, GROUPS["RNNs"])
+    own, others = rnns / rnns.sum(), ~rnns / (~rnns).sum()
+    means, resampled = _rise(made.mean), _rise(made.draws)
     for j, perturbation in enumerate(PERTURBATIONS):
-        there = np.isfinite(mean[j])
-        if there.any():
-            units = int(made.units[:, there].min())
-            budget = bool(made.printed_budget[:, there].all())
-            yield _effect(
-                made.source, perturbation, mean[j, there], draws[:, j, there], units, budget
-            )
+        for name, weights in ((perturbation, own - others), (f"{perturbation}, RNNs", own)):
+            mean, draws = means[j] @ weights, resampled[:, j] @ weights
+            there = np.isfinite(mean)
+            if there.any():
+                units = int(made.units[:, there].min())
+                budget = bool(made.printed_budget[:, there].all())
+                yield _effect(made.source, name, mean[there], draws[:, there], units, budget)
 
 
 def _rise(returns: FloatArray) -> FloatArray:
-    """Rise of the log share kept, RNNs less FNNs, shape ``(..., 2, robots)``."""
+    """Rise of the log share kept by hill training, shape ``(..., 2, robots, nets)``."""
     logs = np.log(np.maximum(retained(returns), FLOOR))
-    rise = logs[..., 1, :, :, :] - logs[..., 0, :, :, :]
-    weights = np.where(np.isin(NETS, GROUPS["RNNs"]), 1 / 5, -1 / 2)
-    found: FloatArray = rise @ weights
-    return found
+    rise: FloatArray = logs[..., 1, :, :, :] - logs[..., 0, :, :, :]
+    return rise
 
 
 def _losses(store: Runs, rng: np.random.Generator, n: int) -> Iterator[Effect]:
@@ -169,8 +170,9 @@ def _above_zero(table: pd.DataFrame, source: str, name: str, what: str) -> Evide
 
 @both("5.7-pomdp-transfer", effects)
 def transfers(source: str, table: pd.DataFrame) -> Evidence | None:
-    """Rise of the share kept under noise, RNNs less FNNs."""
-    return _above_zero(table, source, "noise", "the share kept rises more for RNNs by")
+    """Rise of the share kept under noise, RNNs less FNNs, and RNNs' own."""
+    more = _above_zero(table, source, "noise", "the share kept rises more for RNNs by")
+    return together([more, _above_zero(table, source, "noise, RNNs", "their own rises by")])
 
 
 @both("6.1-incentive", effects)
