@@ -64,7 +64,7 @@ def scoreboard_markdown(judged: Sequence[Judgement]) -> str:
     title = "Every claim of the thesis, in its order"
     lines += _claims(theirs, earlier, title, name="tbl-claims", look="ledger")
     if ours := [j for j in listed if j.claim.ours]:
-        title = "Claims of our own, which the thesis at most implies"
+        title = "Claims of our own, which the thesis at most implies or our runs suggested"
         lines += [f":::::{{dropdown}} {title}"]
         lines += [*_claims(ours, earlier, title, name="tbl-claims-ours", look="cards"), ":::::", ""]
     return "\n".join(lines)

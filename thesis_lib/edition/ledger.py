@@ -43,7 +43,7 @@ MEANING = {
     Verdict.NOT_REPRODUCED: "our runs do not show it",
     Verdict.REFUTED: "a proof, an exact computation or a significant result says the opposite",
     Verdict.NOT_TESTABLE: "it lacks what a test needs: details, a lost figure, a robot at scale",
-    Verdict.INCONCLUSIVE: "too few runs to tell, or no verdict in eight of ten draws",
+    Verdict.INCONCLUSIVE: "too few or too short runs to tell, or no verdict in eight of ten draws",
     Verdict.NOT_RUN: "the evidence has not been computed yet",
 }
 

@@ -78,7 +78,8 @@ _BANNERS = {
     "thesis": (
         "note",
         "Budget: thesis",
-        "This page was run at the `thesis` budget: as many runs as the thesis made.",
+        "This page was run at the `thesis` budget: as many runs as the thesis "
+        "made, but for chapter 5's trained policies, which are read as they are committed.",
     ),
 }
 
