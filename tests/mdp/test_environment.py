@@ -112,6 +112,13 @@ def test_bad_use():
         TabularEnv(chain(2), observation="pixels")
 
 
+def test_a_task_without_features_is_seen_by_its_states():
+    task = TabularMDP(np.eye(2)[:, None], np.zeros((2, 1)), [1.0, 0.0], discount=0.9, features={})
+    assert TabularEnv(task).reset(seed=0) == (0, {"state": 0, "features": {}})
+    with pytest.raises(ValueError, match="observation is 'features', but the task has none"):
+        TabularEnv(task, observation="features")
+
+
 @pytest.mark.parametrize("name", ["FrozenLake-v1", "CliffWalking-v1", "Taxi-v4"])
 def test_tables_of_gymnasium_become_tasks(name):
     env = gymnasium.make(name)
@@ -135,6 +142,37 @@ def test_frozen_lake_by_hand():
     # Right, then down, is 1 after one more step.
     np.testing.assert_allclose(solve(task).v, [0.9, 1.0, 0.0, 0.0])
     np.testing.assert_array_equal(task.terminal, [False, False, True, True])
+
+
+class Listed(gymnasium.Env):
+    """An environment that has nothing but its table."""
+
+    def __init__(self, table, start):
+        self.P, self.initial_state_distrib = table, np.array(start)
+
+
+def test_a_state_that_both_ends_and_goes_on_is_no_state_of_a_task():
+    # From 0 on to 1, there "exit" with reward 5: 4.5 from the start, not the 0 of an absorbing 1.
+    leave = {0: {0: [(1.0, 1, 0.0, False)]}, 1: {0: [(1.0, 1, 5.0, True)]}}
+    with pytest.raises(ValueError, match="can end in state 1 and can also go on from there"):
+        from_gymnasium(Listed(leave, [1.0, 0.0]), 0.9)
+    with pytest.raises(ValueError, match="can end in state 0 and can also go on from there"):
+        from_gymnasium(Listed({0: {0: [(1.0, 0, 5.0, True)]}}, [1.0]), 0.9)
+    apart = leave | {1: {0: [(1.0, 2, 5.0, True)]}, 2: {0: [(1.0, 2, 0.0, True)]}}
+    np.testing.assert_allclose(solve(from_gymnasium(Listed(apart, np.eye(3)[0]), 0.9)).v[0], 4.5)
+
+
+def test_what_no_episode_comes_to_does_not_count():
+    # State 3 goes on to the end without ending, as states of Taxi do that no ride comes to.
+    table = {
+        0: {0: [(1.0, 1, 1.0, False), (0.0, 2, 0.0, False)]},
+        1: {0: [(1.0, 2, 2.0, True)]},
+        2: {0: [(1.0, 2, 0.0, False)]},
+        3: {0: [(1.0, 2, 0.0, False)]},
+    }
+    task = from_gymnasium(Listed(table, np.eye(4)[0]), 0.5)
+    np.testing.assert_array_equal(task.terminal, [False, False, True, False])
+    np.testing.assert_allclose(solve(task).v[:2], [2.0, 2.0])
 
 
 def test_an_environment_where_a_task_is_needed_is_told_what_to_pass():

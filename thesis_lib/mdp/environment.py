@@ -58,7 +58,12 @@ class TabularEnv(gymnasium.Env[Any, Any]):
         self.render_mode = render_mode
         self.action_space = spaces.Discrete(mdp.n_actions)
         self._sampler = sampler(mdp)
-        self._features = np.stack([np.asarray(v) for v in mdp.features.values()], axis=1)
+        if observation == "features" and not mdp.features:
+            raise ValueError(
+                "observation is 'features', but the task has none; give it some, or choose 'state'."
+            )
+        columns = [*mdp.features.values()] or [np.empty((mdp.n_states, 0), dtype=np.int64)]
+        self._features = np.column_stack(columns)
         self._by_features = observation == "features"
         if self._by_features:
             lowest = self._features.min(axis=0)
@@ -166,7 +171,8 @@ def from_gymnasium(
     Raises
     ------
     ValueError
-        When the environment has no such table.
+        When the environment has no such table, or an episode can end in a state from which
+        another goes on: the states of an MDP do one or the other.
     """
     inner = env.unwrapped
     listed, start = getattr(inner, "P", None), getattr(inner, "initial_state_distrib", None)
@@ -178,12 +184,23 @@ def from_gymnasium(
     shape = (len(listed), len(listed[0]), len(listed))
     transition, earned = np.zeros(shape), np.zeros(shape)
     terminal = np.zeros(len(listed), dtype=bool)
+    onward = np.zeros((len(listed), len(listed)), dtype=bool)
     for s, actions in listed.items():
         for a, outcomes in actions.items():
             for chance, t, reward, terminated in outcomes:
                 transition[s, a, t] += chance
                 earned[s, a, t] += chance * reward
                 terminal[t] |= terminated
+                onward[s, t] |= chance > 0 and not terminated
+    reached = np.asarray(start) > 0
+    while (more := onward[reached].any(axis=0) & ~reached).any():
+        reached |= more
+    if (both := terminal & reached).any():
+        raise ValueError(
+            f"an episode of {inner} can end in state {np.argmax(both)} and can also go on from "
+            "there, but a state of an MDP does one or the other; let what ends it lead to a state "
+            "of its own."
+        )
     transition[terminal], earned[terminal] = np.eye(shape[0])[terminal, None], 0.0
     reward = earned.sum(axis=2)
     np.divide(earned, transition, out=earned, where=transition > 0)
