@@ -150,6 +150,20 @@ def test_claims_prints_the_ledger(tmp_path, capsys):
     assert "3.4.3-caption  [Figure 3.3]  INCONCLUSIVE AT THIS BUDGET" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("--budget nonsense", "budget 'nonsense' does not exist: choose one of"),
+        ("--budget smoke", "--budget is smoke, but it concerns evidence over seeds alone: give"),
+        ("--workers -3", "--workers is -3, but it concerns evidence over seeds alone: give"),
+        ("--out X", "--out is X, but it concerns evidence over seeds alone: give --seeds 10 as"),
+    ],
+)
+def test_claims_on_saved_results_take_no_settings_of_seeds(given, told, capsys):
+    assert cli.main(["claims", "3.4.3-caption", *given.split()]) == 2
+    assert told in capsys.readouterr().err
+
+
 def test_claims_over_seeds(tmp_path, capsys):
     asked = ["claims", "3.4.3-caption", "--seeds", "2", "--budget", "smoke"]
     asked += ["--results", str(tmp_path / "tables"), "--out", str(tmp_path)]

@@ -130,7 +130,7 @@ class Claims:
     seeds: int = 0
     """How many roots to judge on; 0 judges the saved results."""
     budget: Budget = "book"
-    """Of the evidence over seeds."""
+    """Of the evidence over seeds; only with --seeds, as are --workers and --out."""
     workers: int = 1
     """Processes that make the evidence over seeds."""
     out: Path | None = None
@@ -138,8 +138,15 @@ class Claims:
 
     def __call__(self) -> int:
         """Print the ledger."""
+        check_budget(self.budget)
         if self.seeds:
             return self._over_seeds()
+        for name in ("budget", "workers", "out"):
+            if (value := getattr(self, name)) != getattr(Claims, name):
+                raise ValueError(
+                    f"--{name} is {value}, but it concerns evidence over seeds alone: give --seeds "
+                    f"10 as well, or leave --{name} out."
+                )
         from thesis_lib.edition.experiment import results_directory
         from thesis_lib.edition.scoreboard import judge_all
 
@@ -161,7 +168,7 @@ class Claims:
             judged = roots.judge_over(
                 part,
                 self.seeds,
-                budget=check_budget(self.budget),
+                budget=self.budget,
                 workers=self.workers,
                 work=self.results,
                 say=lambda line: print(line, flush=True),
