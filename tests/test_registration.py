@@ -12,6 +12,7 @@ import pytest
 from thesis_lib import registration
 from thesis_lib.domains import environments
 from thesis_lib.locomotion import BatchTask, robots
+from thesis_lib.locomotion.rendering import View, film, portrait
 from thesis_lib.policies import make_policy
 from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.disturbances import parse_perturbation
@@ -156,6 +157,14 @@ def test_a_robot_of_ones_own(package):
     assert env.step(np.zeros(3))[2]
     with pytest.raises(ValueError, match="robot"):
         gymnasium.make("thesis/Pogo-v0", difficulty=0.5)
+
+
+def test_a_robot_without_a_view_of_its_own_is_seen_from_the_side(package):
+    size = {"width": 60, "height": 40}
+    hopper = portrait("Hopper", view=View(3.6), **size)
+    np.testing.assert_array_equal(portrait("Pogo", **size), hopper)
+    at_start = [robots.get_robot("Pogo").init_qpos]
+    np.testing.assert_array_equal(film("Pogo", at_start, **size)[0], hopper)
 
 
 def test_a_package_that_cannot_be_loaded_is_named(package):

@@ -10,7 +10,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import thesis_lib.domains  # noqa: F401  (registers the environments)
-from thesis_lib.domains import stock
+from thesis_lib.domains import stock, triangle
 from thesis_lib.domains.environments import DOMAINS, make
 
 CASES = [
@@ -59,6 +59,12 @@ def test_an_episode_is_the_task():
         rewards.append(env.step(0)[1])
     error = np.std(rewards, ddof=1) / np.sqrt(len(rewards))
     assert abs(np.mean(rewards) - task.reward[9, 0]) < 4 * error
+
+
+def test_a_task_may_be_numbered_by_numpy():
+    tasks = triangle().tasks
+    np.testing.assert_array_equal(make("Triangle", np.int64(7)).mdp.reward, tasks[7].reward)
+    assert not np.array_equal(tasks[6].reward, tasks[7].reward)
 
 
 def test_bad_tasks_are_one_sentence():

@@ -254,6 +254,11 @@ class TestEnvironment:
         sources = {tuple(env.reset(seed=s)[1]["source"]) for s in range(5)}
         assert len(sources) == 5
 
+    def test_a_source_may_be_an_array(self):
+        seen = [HeatEnv(at).reset(seed=0) for at in ((3.0, 4.0), np.array([3.0, 4.0]))]
+        np.testing.assert_array_equal(seen[1][1]["source"], [3.0, 4.0])
+        np.testing.assert_array_equal(seen[1][0], seen[0][0])
+
     def test_it_is_the_world_the_learner_lives_in(self):
         # The same generator and actions give the same readings as the compiled functions.
         env = HeatEnv((6.0, 3.0))

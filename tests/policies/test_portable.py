@@ -101,11 +101,14 @@ def test_bad_archives_are_refused_and_run_nothing(tmp_path, monkeypatch):
     data = dumps(odd("ffwd"))
     loaded = io.BytesIO()
     np.save(loaded, np.array([Alarm()], dtype=object), allow_pickle=True)
+    alone = io.BytesIO()
+    np.save(alone, np.zeros(3))
     told = card(odd("ffwd"))
     for bad in (
         b"",
         b"no archive",
         data[:-100],
+        alone.getvalue(),
         changed(data, **{"card.json": None}),
         changed(data, **{"card.json": "[1]"}),
         changed(data, **{"log_std.npy": loaded.getvalue()}),

@@ -15,6 +15,7 @@ Without an import, ``gymnasium.make("thesis_lib:thesis/Stock-v0")`` does the sam
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from numbers import Integral
 from types import MappingProxyType
 from typing import Any
 
@@ -77,8 +78,8 @@ def make(
         When there is no such domain or task.
     """
     made = find("domain", domain, DOMAINS)(**options)
-    if isinstance(task, bool) or not isinstance(task, int) or not 0 <= task < len(made):
+    if isinstance(task, bool) or not isinstance(task, Integral) or not 0 <= task < len(made):
         raise ValueError(
             f"task is {task!r}, but domain {made.name!r} has tasks 0 to {len(made) - 1}."
         )
-    return TabularEnv(made.tasks[task], observation=observation, render_mode=render_mode)
+    return TabularEnv(made.tasks[int(task)], observation=observation, render_mode=render_mode)

@@ -67,7 +67,9 @@ class HeatEnv(gymnasium.Env[FloatArray, np.int64]):
             Observation and info: the true ``state`` (x, y, heading) and the ``source``.
         """
         super().reset(seed=seed)
-        source = self._given or self.world.sample_source(self.np_random)
+        source = self._given
+        if source is None:
+            source = self.world.sample_source(self.np_random)
         self._source = np.array(source, dtype=np.float64)
         place(self.np_random, self.world.parameters, self._source, self._state)
         return self._observe()

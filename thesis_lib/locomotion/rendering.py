@@ -122,6 +122,9 @@ PORTRAITS = {
 :meta hide-value:
 """
 
+SIDE = View(3.6)
+"""The view of a robot that is not the thesis's."""
+
 
 class Renderer:
     """Draws states of one model into arrays.
@@ -324,7 +327,7 @@ def portrait(
     width, height
         Pixels.
     view
-        Default the robot's in :data:`PORTRAITS`.
+        Default the robot's in :data:`PORTRAITS`, or from the side for one that has none there.
 
     Returns
     -------
@@ -337,8 +340,7 @@ def portrait(
         If OpenGL cannot be had.
     """
     start = get_robot(robot).init_qpos
-    chosen = PORTRAITS[robot] if view is None else view
-    return film(robot, [start], ground, width=width, height=height, view=chosen)[0]
+    return film(robot, [start], ground, width=width, height=height, view=view)[0]
 
 
 def film(
@@ -381,7 +383,8 @@ def film(
         )
     data = mujoco.MjData(model)
     pictures = []
-    with Renderer(model, width, height, PORTRAITS[robot] if view is None else view) as renderer:
+    chosen = PORTRAITS.get(robot, SIDE) if view is None else view
+    with Renderer(model, width, height, chosen) as renderer:
         for row in qpos:
             data.qpos[:] = row
             mujoco.mj_forward(model, data)

@@ -99,6 +99,8 @@ def loads(data: bytes) -> GaussianPolicy:
     """
     try:
         archive = np.load(io.BytesIO(data), allow_pickle=False)
+        if isinstance(archive, np.ndarray):
+            raise TypeError("an array alone has no card")
         described = json.loads(archive[CARD])
         weights = {n: torch.from_numpy(archive[n]) for n in archive.files if n != CARD}
         version, recipe = described["format"], dict(described["recipe"])
