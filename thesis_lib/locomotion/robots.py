@@ -178,10 +178,6 @@ _LEGS = (*_LEG, "thigh_left_joint", "leg_left_joint", "foot_left_joint")
 _CHEETAH = ("bthigh", "bshin", "bfoot", "fthigh", "fshin", "ffoot")
 
 
-def _ant_joints(*legs: int) -> tuple[str, ...]:
-    return tuple(f"{joint}_{leg}" for leg in legs for joint in ("hip", "ankle"))
-
-
 ROBOTS: Mapping[str, Robot] = MappingProxyType(
     {
         robot.name: robot

@@ -255,7 +255,8 @@ class Task:
     control_cost
         Cost per squared action, summed over actuators.
     contact_cost
-        Cost per squared contact force after clipping each entry to [-1, 1].
+        Cost per squared contact force after clipping each entry to [-1, 1].  Nothing is paid
+        where the observation reads no forces (:attr:`needs_forces`), as none are computed.
     alive_bonus
         Reward of every step, the one that ends an episode included.
     termination
@@ -299,7 +300,7 @@ class Task:
 
     @property
     def needs_forces(self) -> bool:
-        """Whether observation or reward depend on constraint or contact forces."""
+        """Whether the observation reads constraint or contact forces, which are computed then."""
         return not self.fields_used.isdisjoint({"constraint_force", "contact_force"})
 
     @cached_property

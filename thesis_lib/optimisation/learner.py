@@ -43,7 +43,8 @@ class Learner:
         :math:`b`.
     targets
         What the baseline is fitted to: ``"returns"``, the R_t of line 7, or ``"lambda"``,
-        the advantage estimate added to the old baseline, which is R_t again if lambda is 1.
+        the advantage estimate added to the old baseline, which is R_t again if lambda is 1 and
+        no cut episode is credited with the baseline (``bootstrap``).
 
     Raises
     ------

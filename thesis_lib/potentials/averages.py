@@ -309,8 +309,8 @@ def learning_weights(
     r"""The weighting induced by learning, p(x|m) = sum_t p(x|m, pi_t) / T (section 3.3.6, 2).
 
     One trajectory of learning is sampled in each task; for each of its policies the
-    stationary distribution is exact.  The sum over t runs over ``snapshots`` equally
-    spaced steps.
+    stationary distribution is exact.  The sum over t runs over at least
+    ``snapshots`` equally spaced steps.
 
     Parameters
     ----------
@@ -323,7 +323,8 @@ def learning_weights(
     rng
         Source of the trajectories.
     snapshots
-        How many of the T policies are averaged over.
+        How many of the T policies are averaged over at least: one every T // snapshots steps,
+        so that 150 steps with 100 snapshots average 150.
 
     Returns
     -------

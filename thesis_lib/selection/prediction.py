@@ -26,7 +26,7 @@ predicts :math:`\bar Z_{-i} = (n \bar Z - Z_i)/(n-1)`.  As :math:`\sum_i |Z_i|^2
         = \Bigl(n - 1 + F - \frac{n^2}{n-1}\Bigr) \mathrm{tr} S,
 
 which is at most 0 exactly where :math:`F \le 1 + \frac{n}{n-1}`: cross-validation is the
-F-test with a threshold that falls from 3 to 2, where a 5% test has one from 162 to 3.84.
+F-test with a threshold that falls from 3 to 2, where a 5% test has one from 161.4 to 3.84.
 Likewise :math:`w = (F-1) / (F - 1 + \frac{n}{n-1})`.
 
 *Shrinkage.*  The best multiple of :math:`\bar Z` as a prediction is
