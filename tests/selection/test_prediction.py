@@ -196,3 +196,6 @@ def test_bad_input() -> None:
     flat = Solutions(np.ones((2, 4)), solutions.p[:2], solutions.features, ("f", "g"))
     with pytest.raises(ValueError, match="same constant"):
         Shrinkage().fit(flat)
+    turned = Solutions(solutions.q, solutions.p, solutions.features[:, ::-1], ("g", "f"))
+    with pytest.raises(ValueError, match="the columns are g, f, but the selector was fitted to f"):
+        Shrinkage().fit(solutions).values(turned)

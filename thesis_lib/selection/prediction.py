@@ -222,8 +222,13 @@ class Shrinkage(Selector):
         -------
         FloatArray
             Shape ``(N,)``.  Where no task visits a cell it has the value of the next coarser.
+
+        Raises
+        ------
+        ValueError
+            When the features are not those of the fit, in their order.
         """
-        self._check_fitted()
+        self._check_names(solutions.feature_names)
         p = solutions.p
         a, b = np.where(p > 0, p * solutions.q, 0.0).sum(axis=0), p.sum(axis=0)
         out = np.full(solutions.n_pairs, a.sum() / b.sum())
