@@ -148,6 +148,21 @@ def test_increments_add_up_to_the_residual_covariance() -> None:
     )
 
 
+def test_a_basis_without_a_constant_fits_the_values_and_not_their_spread() -> None:
+    # Q near 10 and two plain columns, against the normal equations.
+    rng = np.random.default_rng(6)
+    columns, p = rng.normal(size=(4, 2)), np.full(4, 0.25)
+    features = np.array(list(product(range(2), repeat=2)))
+    q = 10 + rng.normal(size=(3, 4))
+    solutions = Solutions(q, np.tile(p, (3, 1)), features, ("f", "g"))
+    basis, kept = Basis(columns, np.eye(2, dtype=bool)), np.array([True, False])
+    rises = [error(columns[:, :1], row, p) - error(columns, row, p) for row in q]
+    got = linear_k_relevance(solutions, basis, kept, 1)
+    assert got == pytest.approx(np.mean(rises), rel=1e-9)
+    B = linear_covariance(solutions, columns[:, :1]) - linear_covariance(solutions, columns)
+    np.testing.assert_allclose(increment_covariance(solutions, basis, kept), B, rtol=1e-9)
+
+
 def test_columns_by_hand() -> None:
     solutions = tasks(0)
     basis = feature_basis(solutions, "action")

@@ -191,7 +191,9 @@ def linear_class(solutions: Solutions, basis: Basis) -> LinearClass:
     root = np.sqrt(p[seen])
     weighted = root[:, None] * basis.columns[seen]
     axes = _span(weighted)
-    values = root * (solutions.q[:, seen] - solutions.centre)
+    # Where every projection holds the constants, what all values share cancels, rounding with it.
+    constant = not basis.uses.any(axis=1).all()
+    values = root * (solutions.q[:, seen] - (solutions.centre if constant else 0.0))
     return LinearClass(values @ axes, axes.T @ weighted)
 
 
