@@ -59,6 +59,23 @@ def test_a_pair_without_weight_falls_back_to_the_uniform_mean(two_tasks):
     assert potentials.covered(two_tasks, p).tolist() == [[False] * 2, [True] * 2, [True] * 2]
 
 
+def test_the_squared_error_needs_every_value(two_tasks):
+    tables = potentials.optimal_solutions(two_tasks)
+    # Uniform over four pairs each: mean squares 30 / 4 and 3000 / 4, by D(m) = .75 and .25.
+    none = np.zeros(two_tasks.shape)
+    assert potentials.expected_squared_error(two_tasks, tables, none) == pytest.approx(
+        sum(d * s / 4 for d, s in zip(two_tasks.distribution, (30, 3000), strict=True))
+    )
+    with pytest.raises(ValueError, match=r"q0 has shape \(2,\), but domain .* = \(3, 2\)"):
+        potentials.expected_squared_error(two_tasks, tables, np.zeros(2))
+    for value in (np.nan, np.inf):
+        with pytest.raises(ValueError, match=rf"q0 of pair \[observation 2, action 1\] is {value}"):
+            potentials.expected_squared_error(two_tasks, tables, [[0, 0], [0, 0], [0, value]])
+        bad = [tables[0], np.where(tables[1] == 40, value, tables[1])]
+        with pytest.raises(ValueError, match=rf"at pair \[observation 2, action 1\] is {value}"):
+            potentials.expected_squared_error(two_tasks, bad, none)
+
+
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 4), st.booleans())
 def test_the_mean_is_the_least_squares_minimiser(seed, n_tasks, shared):

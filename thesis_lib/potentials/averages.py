@@ -62,6 +62,25 @@ def _weighted_mean(stacked: FloatArray, posterior: FloatArray) -> FloatArray:
     return np.where(np.isnan(posterior).all(axis=0), np.nan, terms)
 
 
+def _stacked(domain: Domain, tables: Iterable[ArrayLike]) -> FloatArray:
+    """Tables in the domain's coordinates, ``(M, O, A)``, NaN where a task has no such pair.
+
+    Raises
+    ------
+    ValueError
+        When a pair of a task has no finite value.
+    """
+    stacked = domain.gather(tables)
+    if (bad := ~np.isfinite(stacked) & domain.present[:, :, None]).any():
+        m, o, a = np.argwhere(bad)[0]
+        raise ValueError(
+            f"the value of task {domain.task_names[m]!r} at pair [observation {o}, action "
+            f"{domain.actions[a]}] is {stacked[m, o, a]}, but every pair of a task needs a finite "
+            "value; give pairs that were never seen a number, such as 0."
+        )
+    return stacked
+
+
 def expected_squared_error(
     domain: Domain,
     tables: Iterable[ArrayLike],
@@ -85,9 +104,27 @@ def expected_squared_error(
     -------
     float
         :math:`\sum_m D(m) \sum_x p(x|m) (Q_m(x) - Q_0(x))^2`.
+
+    Raises
+    ------
+    ValueError
+        When a shape is wrong, or a pair of a task has no finite value.
     """
     p = domain.uniform() if weights is None else domain.check_weights(weights)
-    error = np.nan_to_num(domain.gather(tables) - np.asarray(q0, dtype=float))
+    prediction = np.asarray(q0, dtype=float)
+    if prediction.shape != domain.shape:
+        raise ValueError(
+            f"q0 has shape {prediction.shape}, but domain {domain.name!r} needs (observations, "
+            f"actions) = {domain.shape}."
+        )
+    stacked = _stacked(domain, tables)
+    if (bad := ~np.isfinite(prediction)).any():
+        o, a = np.argwhere(bad)[0]
+        raise ValueError(
+            f"q0 of pair [observation {o}, action {domain.actions[a]}] is {prediction[o, a]}, but "
+            "a prediction of every pair is needed; give it a number, such as 0."
+        )
+    error = np.nan_to_num(stacked - prediction)
     return float((domain.distribution[:, None, None] * p * error**2).sum())
 
 
