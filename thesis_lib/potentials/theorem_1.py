@@ -41,6 +41,7 @@ from scipy import optimize, sparse
 from thesis_lib.arrays import FloatArray
 from thesis_lib.domains.domain import Domain
 from thesis_lib.mdp.model import MDP
+from thesis_lib.mdp.planning import value_iteration
 
 
 def distances(domain: Domain, tables: Sequence[ArrayLike], q0: ArrayLike) -> FloatArray:
@@ -131,12 +132,14 @@ def measured_sweeps(
         The number of sweeps n, 0 when q0 is already close enough.
     """
     _check(tolerance, mdp.discount)
-    q = np.where(mdp.terminal[:, None], 0.0, q0)
-    for n in range(most):
-        if np.abs(q_star - q).max() <= tolerance:
-            return n
-        q = mdp.lookahead(q.max(axis=1))
-    raise RuntimeError(f"value iteration is not within {tolerance} of Q* after {most} sweeps.")
+    return value_iteration(
+        mdp,
+        tolerance=tolerance,
+        initial_q=q0,
+        synchronous=True,
+        optimum=q_star,
+        max_sweeps=most,
+    ).n_sweeps
 
 
 def midrange(domain: Domain, tables: Sequence[ArrayLike]) -> FloatArray:
