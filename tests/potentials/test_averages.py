@@ -56,7 +56,6 @@ def test_a_pair_without_weight_falls_back_to_the_uniform_mean(two_tasks):
     p[0, 0], p[0, 1] = 0.0, 0.5
     got = potentials.cross_task_values(two_tasks, potentials.optimal_solutions(two_tasks), p)
     assert got[0] == pytest.approx([1, 2])
-    assert potentials.covered(two_tasks, p).tolist() == [[False] * 2, [True] * 2, [True] * 2]
 
 
 def test_the_squared_error_needs_every_value(two_tasks):

@@ -19,7 +19,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import BoolArray, FloatArray
+from thesis_lib.arrays import FloatArray
 from thesis_lib.domains.domain import Domain
 from thesis_lib.mdp import planning
 from thesis_lib.mdp.greedy import epsilon_greedy
@@ -403,8 +403,3 @@ def constant_potential(domain: Domain, value: float) -> FloatArray:
     what distinguishes one pair from another.
     """
     return np.full(domain.shape, float(value))
-
-
-def covered(domain: Domain, weights: ArrayLike) -> BoolArray:
-    """Pairs that have weight in some task, so that (3.4) defines their value, ``(O, A)``."""
-    return np.asarray((domain.check_weights(weights) > 0).any(axis=0))
