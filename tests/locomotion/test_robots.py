@@ -1,6 +1,7 @@
 """The edited models against the values listed for the thesis's robots."""
 
 import warnings
+from dataclasses import replace
 from importlib.resources import files
 
 import mujoco
@@ -335,6 +336,18 @@ def test_edits_come_last_and_in_order():
 def test_unknown_robot(bad):
     with pytest.raises(ValueError, match=r"robot .* does not exist.*Swimmer, Hopper, HalfCheetah"):
         robots.build_spec(bad)
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"actuators": robots.ROBOTS["HalfCheetah"].actuators[::-1]}, "has actuators ffoot, fshin"),
+        ({"torque": (120.0, 90.0)}, "and 2 torques, but its model drives bthigh, bshin, bfoot, ft"),
+    ],
+)
+def test_actuators_that_are_not_the_models(changed, told):
+    with pytest.raises(ValueError, match=told):
+        robots.build_spec(replace(robots.ROBOTS["HalfCheetah"], **changed))
 
 
 def test_ground_that_is_no_grid():

@@ -395,7 +395,8 @@ def build_spec(
     Raises
     ------
     ValueError
-        If there is no such robot, or the ground is no grid of finite heights.
+        If there is no such robot, its actuators are not those of its model, or the ground is no
+        grid of finite heights.
     """
     chosen = get_robot(robot) if isinstance(robot, str) else robot
     asset = files("gymnasium").joinpath("envs", "mujoco", "assets", chosen.xml)
@@ -408,6 +409,13 @@ def build_spec(
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     if chosen.name in _EDITS:
         _EDITS[chosen.name](spec)
+    driven = tuple(actuator.target for actuator in spec.actuators)
+    if driven != tuple(chosen.actuators) or len(chosen.torque) != len(driven):
+        raise ValueError(
+            f"robot {chosen.name!r} has actuators {', '.join(chosen.actuators)} and "
+            f"{len(chosen.torque)} torques, but its model drives {', '.join(driven)}: name these, "
+            "in this order, with a torque for each."
+        )
     for actuator, torque in zip(spec.actuators, chosen.torque, strict=True):
         actuator.gear = [torque, 0.0, 0.0, 0.0, 0.0, 0.0]
     spec.add_sensor(
