@@ -186,6 +186,10 @@ def test_divergence_against_its_integral() -> None:
         (("dffwd", 4, 2, {"units": 5}), "units is 5, but dffwd has layers of its own"),
         (("dffwd-softplus", 4, 2, {"units": 5}), "dffwd-softplus has layers of its own"),
         (
+            ("ffwd", 4, 2, {"units": 8, "hidden": (4, 4)}),
+            r"units is 8, but hidden gives the layers of ffwd, \(4, 4\): leave one of them out",
+        ),
+        (
             ("ctrnn", 4, 2, {"time_constant": 0.15, "time_constant_spread": 9.0}),
             r"0.15 s \(smallest 0.05 s\), but it must be at least the control step of 0.1 s",
         ),

@@ -60,6 +60,16 @@ def test_a_policy_made_with_numpy_numbers_is_the_same():
     assert card(loads(dumps(made[1]))) == card(made[0])
 
 
+def test_layers_in_place_of_units_are_read_again():
+    policy = make_policy("ffwd", 5, 2, dt=0.1, hidden=(4, 3))
+    told = card(policy)
+    assert told["recipe"]["units"] is None
+    weights = [tuple(w.shape) for w in loads(dumps(policy)).state_dict().values() if w.ndim == 2]
+    assert sorted(weights) == [(2, 3), (3, 4), (4, 5)]
+    before = told | {"recipe": told["recipe"] | {"units": 6}}
+    assert card(loads(changed(dumps(policy), **{"card.json": json.dumps(before)}))) == told
+
+
 def test_numpy_and_an_unpacker_are_enough_to_read_it():
     policy = odd("ffwd", torch.float64)
     archive = np.load(io.BytesIO(dumps(policy)), allow_pickle=False)

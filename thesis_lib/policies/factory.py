@@ -94,6 +94,9 @@ RECURRENT_NETS = ("dtrnn", "ctrnn", "gru", "lstm", "esn")
 DEEP_NETS = ("dffwd", "dffwd-softplus")
 """Those whose hidden layers are :data:`DEEP` whatever the number of units."""
 
+SHALLOW_NETS = ("ffwd", "ffwd-400")
+"""Those with one hidden layer and no memory, in place of which ``hidden`` gives others."""
+
 
 def make_policy(
     architecture: str,
@@ -138,8 +141,8 @@ def make_policy(
     Raises
     ------
     ValueError
-        When the architecture or an option does not exist, the scale is negative, or a deep
-        net is given units.
+        When the architecture or an option does not exist, the scale is negative, or units are
+        given to a deep net, or to a shallow one beside its layers.
     """
     if not (math.isfinite(head_scale) and head_scale >= 0):
         raise ValueError(f"head_scale is {head_scale}, but it must be a number from 0 on.")
@@ -150,6 +153,12 @@ def make_policy(
         raise ValueError(
             f"units is {units}, but {architecture} has layers of its own: leave units out, or give "
             "their sizes (hidden)."
+        )
+    layered = architecture in SHALLOW_NETS and "hidden" in options
+    if units is not None and layered:
+        raise ValueError(
+            f"units is {units}, but hidden gives the layers of {architecture}, "
+            f"{options['hidden']}: leave one of them out."
         )
     if units is None:
         units = recurrent_units(architecture, seen, action_size)
@@ -174,7 +183,7 @@ def make_policy(
         "observation_size": observation_size,
         "action_size": action_size,
         "dt": dt,
-        "units": None if architecture in DEEP_NETS else units,
+        "units": None if architecture in DEEP_NETS or layered else units,
         "features": chosen,
         "dtype": str(dtype).removeprefix("torch."),
         **options,

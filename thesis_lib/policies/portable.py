@@ -27,7 +27,7 @@ from torch import Tensor, nn
 
 from thesis_lib.checks import as_json
 from thesis_lib.policies.base import GaussianPolicy
-from thesis_lib.policies.factory import make_policy
+from thesis_lib.policies.factory import SHALLOW_NETS, make_policy
 
 FORMAT = 1
 """Version of the card."""
@@ -112,6 +112,8 @@ def loads(data: bytes) -> GaussianPolicy:
             "the version that wrote it."
         )
     try:
+        if recipe["architecture"] in SHALLOW_NETS and "hidden" in recipe:
+            recipe["units"] = None  # once written beside the layers, which decided
         policy = make_policy(**recipe | {"dtype": DTYPES[recipe["dtype"]]})
         policy.load_state_dict(weights)
     except (KeyError, RuntimeError, TypeError) as error:
