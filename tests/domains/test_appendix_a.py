@@ -10,6 +10,8 @@ from thesis_lib.domains.appendix_a import (
     policy,
     state_values,
 )
+from thesis_lib.domains.domain import Domain
+from thesis_lib.mdp.model import TabularMDP
 
 
 def values(domain, p_b, weighting="uniform"):
@@ -78,6 +80,33 @@ def test_case_2_cuts_state_3_off_in_task_2b():
     occupied = state_values(domain, policy(domain, 0.5), "occupancy")
     assert occupied.weight[:, 2].tolist() == [1, 0]
     assert occupied.domain[2] == pytest.approx(occupied.task[0, 2])
+
+
+def fork(p):
+    """From state 0 to 1 with probability p, else to 2; there the task stays."""
+    transition = np.array([[[0, p, 1 - p]] * 2, [[0, 1, 0]] * 2, [[0, 0, 1]] * 2])
+    return TabularMDP(transition, np.zeros((3, 2)), [1, 0, 0], discount=0.5, actions=("A", "B"))
+
+
+def test_occupancy_of_two_closed_sets_is_how_often_each_is_entered():
+    domain = Domain("forks", (fork(0.3), fork(0.6)))
+    weight = state_values(domain, np.full((3, 2), 0.5), "occupancy").weight
+    np.testing.assert_allclose(weight[:, 1:], [[1 / 3, 7 / 11], [2 / 3, 4 / 11]])
+    assert np.isnan(weight[:, 0]).all()
+
+
+@pytest.mark.parametrize(
+    ("mu", "told"),
+    [
+        ([[5.0, 7.0]] * 4, r"mu of observation 0 is \[5. 7.\], but the probabilities of its"),
+        ([[0.5, 0.5]] * 3 + [[1.5, -0.5]], r"mu of observation 3 is \[ 1.5 -0.5\], but"),
+        (np.full((2, 4), 0.5), r"mu has shape \(2, 4\), but domain .* = \(..., 4, 2\)"),
+        (np.full((3, 4, 2), 0.5), r"mu has shape \(3, 4, 2\), but one policy is needed"),
+    ],
+)
+def test_what_is_no_policy(mu, told):
+    with pytest.raises(ValueError, match=told):
+        state_values(figure_a3(), mu)
 
 
 class TestFigureA3:

@@ -16,10 +16,11 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import FloatArray
-from thesis_lib.domains.domain import Domain
+from thesis_lib.arrays import FloatArray, IntArray
+from thesis_lib.domains.domain import Domain, check_policies
 from thesis_lib.mdp.checks import one_of, positive_number, probability
 from thesis_lib.mdp.model import TabularMDP
+from thesis_lib.mdp.occupancy import stationary_distribution
 
 ACTIONS = ("A", "B")
 
@@ -232,8 +233,8 @@ def state_values(
     Raises
     ------
     ValueError
-        When the occupancy of a task with terminal states is asked for, or a shape or
-        name is wrong.
+        When the occupancy of a task with terminal states is asked for, mu is no policy, or a
+        shape or name is wrong.
 
     Notes
     -----
@@ -241,11 +242,10 @@ def state_values(
     weights p(m|x) do not depend on the action, and (3.8) becomes a sum over states.
     """
     shape = len(domain), domain.n_observations
-    choice = np.asarray(mu, dtype=float)
-    if choice.shape != domain.shape:
+    choice = check_policies(domain, mu)
+    if choice.ndim != 2:
         raise ValueError(
-            f"mu has shape {choice.shape}, but domain {domain.name!r} needs (observations, "
-            f"actions) = {domain.shape}."
+            f"mu has shape {choice.shape}, but one policy is needed, shape {domain.shape}."
         )
     given = None if isinstance(weighting, str) else np.asarray(weighting, dtype=float)
     if given is None:
@@ -271,7 +271,8 @@ def state_values(
         if given is None and weighting == "uniform":
             share[m, index[inside]] = 1 / len(inside)
         elif given is None:
-            share[m, index[inside]] = _occupancy(chain, task.start[inside], domain.task_names[m])
+            own = domain.scatter(choice, m, fill=1 / len(domain.actions))
+            share[m, index[inside]] = _occupancy(chain, task, own, inside, domain.task_names[m])
     joint = domain.distribution[:, None] * share
     with np.errstate(invalid="ignore"):
         weight = joint / joint.sum(axis=0)
@@ -279,7 +280,9 @@ def state_values(
     return StateValues(np.where(np.isnan(weight).any(axis=0), np.nan, total), values, weight)
 
 
-def _occupancy(chain: FloatArray, start: FloatArray, name: str) -> FloatArray:
+def _occupancy(
+    chain: FloatArray, task: TabularMDP, policy: FloatArray, inside: IntArray, name: str
+) -> FloatArray:
     """Stationary distribution of the states that can be reached from the start."""
     if np.abs(chain.sum(axis=1) - 1).max() > 1e-9:
         raise ValueError(
@@ -287,7 +290,7 @@ def _occupancy(chain: FloatArray, start: FloatArray, name: str) -> FloatArray:
             "uniform weighting."
         )
     n = len(chain)
-    reached = start > 0
+    reached = task.start[inside] > 0
     for _ in range(n):
         reached |= (chain[reached] > 0).any(axis=0)
     at = np.flatnonzero(reached)
@@ -295,7 +298,9 @@ def _occupancy(chain: FloatArray, start: FloatArray, name: str) -> FloatArray:
     # Balance equations, one of which is redundant, with the normalisation below them.
     system = np.vstack([inner.T - np.eye(len(at)), np.ones(len(at))])
     out = np.zeros(n)
-    out[at] = np.linalg.lstsq(system, np.append(np.zeros(len(at)), 1.0), rcond=None)[0]
+    out[at], _, rank, _ = np.linalg.lstsq(system, np.append(np.zeros(len(at)), 1.0), rcond=None)
+    if rank < len(at):  # several closed sets, each with the probability of ending up in it
+        return stationary_distribution(task, policy)[inside]
     return np.where(np.abs(out) < 1e-15, 0.0, out)
 
 

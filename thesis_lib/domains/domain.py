@@ -338,3 +338,40 @@ class Domain:
     def sample(self, n: int, rng: np.random.Generator) -> IntArray:
         """Draw n task indices with replacement from D, shape ``(n,)``."""
         return rng.choice(len(self), size=n, p=self.distribution)
+
+
+def check_policies(domain: Domain, mu: ArrayLike) -> FloatArray:
+    r"""Cross-task policies as an array of numbers.
+
+    Parameters
+    ----------
+    domain
+        The domain.
+    mu
+        One policy :math:`\mu`, shape ``(O, A)``, or several, shape ``(..., O, A)``.
+
+    Returns
+    -------
+    FloatArray
+        Shaped as given.
+
+    Raises
+    ------
+    ValueError
+        When the shape is wrong, or the action probabilities of an observation are none.
+    """
+    policies = np.asarray(mu, dtype=np.float64)
+    if policies.shape[-2:] != domain.shape:
+        raise ValueError(
+            f"mu has shape {policies.shape}, but domain {domain.name!r} needs (..., observations, "
+            f"actions) = (..., {domain.n_observations}, {len(domain.actions)})."
+        )
+    wrong = ~((policies >= 0).all(axis=-1) & (np.abs(policies.sum(axis=-1) - 1) <= ATOL))
+    if wrong.any():
+        at = tuple(np.argwhere(wrong)[0])
+        row = np.array2string(policies[at], precision=6, threshold=8)
+        raise ValueError(
+            f"mu of observation {at[-1]} is {row}, but the probabilities of its actions must be at "
+            "least 0 and sum to 1; divide them by their sum."
+        )
+    return policies
