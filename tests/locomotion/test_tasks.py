@@ -239,6 +239,35 @@ def test_height_that_is_not_a_number_ends_the_episode(name):
     assert make_task(name).terminated(state).tolist() == [True]
 
 
+def test_an_upper_limit_alone_ends_an_episode():
+    task = dataclasses.replace(make_task("Hopper"), limits=robots.Limits(high=2.0))
+    state = fields("Hopper", n=3)
+    state.qpos[:, 1] = -5.0, 2.0 * DOWN, 2.0
+    assert task.terminated(state).tolist() == [False, False, True]
+
+
+@pytest.mark.parametrize(
+    ("limits", "told"),
+    [
+        ({"high": 2.0}, r"robot 'Blob' has Limits\(.*high=2.0.*, but no height_index: say where"),
+        ({"low": 0.1}, "but no height_index"),
+        ({"closed": True}, "but no height_index"),
+        ({"pitch": 1.0}, "but no pitch_index: say where its positions hold its pitch, or drop"),
+    ],
+)
+def test_a_limit_needs_its_coordinate(limits, told, monkeypatch):
+    none = {"height_index": None, "pitch_index": None}
+    blob = dataclasses.replace(robots.ROBOTS["Hopper"], name="Blob", **none)
+    monkeypatch.setattr(tasks, "get_robot", lambda name: blob)
+    assert not make_task("Blob").terminated(fields("Hopper")).any()
+    blob = dataclasses.replace(blob, limits=robots.Limits(state=1.0))
+    assert not make_task("Blob").terminated(fields("Hopper")).any()
+    blob = dataclasses.replace(blob, limits=robots.Limits(**limits))
+    with pytest.raises(ValueError, match=told):
+        make_task("Blob")
+    assert make_task("Blob", termination="never").limits is None
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_start_configuration_is_inside_the_limits(name):
     for termination in ("train", "test"):

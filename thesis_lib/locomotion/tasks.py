@@ -393,7 +393,7 @@ class Task:
         z = fields.qpos[:, robot.height_index]
         if limits.closed:
             inside &= (z >= limits.low) & (z <= limits.high)
-        elif limits.low > -np.inf:
+        elif limits.low > -np.inf or limits.high < np.inf:
             inside &= (z > limits.low) & (z < limits.high)
         if limits.pitch < np.inf:
             inside &= np.abs(fields.qpos[:, robot.pitch_index]) < limits.pitch
@@ -441,7 +441,8 @@ def make_task(
     Raises
     ------
     ValueError
-        For an unknown name, reading or termination, or a number that is not finite.
+        For an unknown name, reading or termination, a number that is not finite, or a robot
+        with a limit on its height or pitch that has no such coordinate.
     """
     robot = get_robot(name)
     if reading not in get_args(Reading):
@@ -457,6 +458,11 @@ def make_task(
     for label, value in (("control_cost", control_cost), ("alive_bonus", alive_bonus)):
         if not np.isfinite(value):
             raise ValueError(f"{label} is {value}, but must be a finite number.")
+    limits = None
+    if termination != "never":
+        limits = _LIMITS.get(name, {}).get(termination, robot.limits)
+    if limits is not None:
+        _check_limits(robot, limits)
     return Task(
         robot=robot,
         reading=reading,
@@ -464,10 +470,22 @@ def make_task(
         contact_cost=5e-4 if name == "Ant" else 0.0,
         alive_bonus=float(alive_bonus),
         termination=termination,
-        limits=(
-            None if termination == "never" else _LIMITS.get(name, {}).get(termination, robot.limits)
-        ),
+        limits=limits,
     )
+
+
+def _check_limits(robot: Robot, limits: Limits) -> None:
+    """Raise ValueError for a limit on a coordinate that the robot does not have."""
+    height = limits.closed or limits.low > -np.inf or limits.high < np.inf
+    for name, index, limited in (
+        ("height", robot.height_index, height),
+        ("pitch", robot.pitch_index, limits.pitch < np.inf),
+    ):
+        if limited and index is None:
+            raise ValueError(
+                f"robot {robot.name!r} has {limits}, but no {name}_index: say where its positions "
+                f"hold its {name}, or drop the limit."
+            )
 
 
 def _or(names: tuple[str, ...]) -> str:
