@@ -51,6 +51,18 @@ def test_weights_change_the_mean_by_hand(two_tasks):
     assert got[1, 0] == pytest.approx(posterior * 3 + (1 - posterior) * 10)
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_mean_needs_every_value(two_tasks, value):
+    first, second = potentials.optimal_solutions(two_tasks)
+    bad = [first, np.where(second == 40, value, second)]
+    told = rf"the value of task '1' at pair \[observation 2, action 1\] is {value}, but every pair"
+    with pytest.raises(ValueError, match=told):
+        potentials.cross_task_values(two_tasks, bad)
+    # What a task's terminal states are given is read by no mean.
+    ended = [np.where(np.arange(3)[:, None] == 2, value, first), second]
+    assert np.isfinite(potentials.cross_task_values(two_tasks, ended)).all()
+
+
 def test_a_pair_without_weight_falls_back_to_the_uniform_mean(two_tasks):
     p = two_tasks.uniform()
     p[0, 0], p[0, 1] = 0.0, 0.5

@@ -49,8 +49,13 @@ def cross_task_values(
     -------
     FloatArray
         :math:`Q_d`, shape ``(O, A)``.
+
+    Raises
+    ------
+    ValueError
+        When a shape is wrong, or a pair of a task has no finite value.
     """
-    stacked = domain.gather(tables)
+    stacked = _stacked(domain, tables)
     mean = _weighted_mean(stacked, domain.posterior(weights))
     if weights is None:
         return mean
