@@ -89,23 +89,6 @@ class CrossTaskProblem:
         ):
             object.__setattr__(self, name, value)
 
-    def task_values(self, policy: FloatArray) -> FloatArray:
-        r"""State values :math:`V_m^\mu` of a policy in every task, one linear solve a task.
-
-        Parameters
-        ----------
-        policy
-            :math:`\mu`, shape ``(..., O, A)``, rows summing to 1.
-
-        Returns
-        -------
-        FloatArray
-            Shape ``(..., M, S)``, S counting a task's members in order.
-        """
-        chain, reward = self._under(policy)
-        system = np.eye(chain.shape[-1]) - self._discount * chain
-        return np.asarray(np.linalg.solve(system, reward[..., None])[..., 0], dtype=np.float64)
-
     def value(self, policy: FloatArray) -> FloatArray:
         """The objective of one policy or of a batch of them.
 
