@@ -126,6 +126,17 @@ def test_bad_input():
         gradient_ascent(CrossTaskProblem(bandits()), np.random.default_rng(0), restarts=0)
 
 
+def test_what_is_no_policy_has_no_value():
+    problem = CrossTaskProblem(DOMAINS["continuing"])
+    mu = softmax_policy(np.random.default_rng(4).normal(size=problem.domain.shape))
+    with pytest.raises(ValueError, match=r"mu has shape .*, but domain 'continuing cliff' needs"):
+        problem.value(mu.T)
+    with pytest.raises(ValueError, match=r"mu of observation 0 is .*, but the probabilities"):
+        problem.value(3 * mu)
+    with pytest.raises(ValueError, match=r"mu of observation 0 is .*, but the probabilities"):
+        problem.value(np.array([mu, mu - 0.5]))
+
+
 @pytest.mark.parametrize("domain", DOMAINS)
 def test_compiled_objective_agrees_with_linear_algebra(domain):
     """The compiled elimination against LAPACK's, value by value."""

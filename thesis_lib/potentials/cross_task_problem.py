@@ -10,7 +10,7 @@ from scipy import special
 
 from thesis_lib.arrays import FloatArray, IntArray
 from thesis_lib.compiled import njit
-from thesis_lib.domains.domain import Domain
+from thesis_lib.domains.domain import Domain, check_policies
 from thesis_lib.mdp.model import MDP
 
 Objective = Literal["start", "stationary"]
@@ -95,14 +95,19 @@ class CrossTaskProblem:
         Parameters
         ----------
         policy
-            Shape ``(..., O, A)``.
+            Shape ``(..., O, A)``, rows summing to 1.
 
         Returns
         -------
         FloatArray
             Shape ``(...)``.
+
+        Raises
+        ------
+        ValueError
+            When it is no policy of the domain.
         """
-        mu = np.ascontiguousarray(policy, dtype=np.float64)
+        mu = np.ascontiguousarray(check_policies(self.domain, policy))
         flat = mu.reshape(-1, *self.domain.shape)
         values = _objective(
             flat,
