@@ -5,6 +5,7 @@ import pytest
 
 from thesis_lib.domains import Domain, continuing_cliff, episodic_cliff
 from thesis_lib.mdp.model import TabularMDP
+from thesis_lib.mdp.occupancy import average_reward
 from thesis_lib.potentials.cross_task_policy import GeneticAlgorithm, gradient_ascent
 from thesis_lib.potentials.cross_task_problem import OBJECTIVES, CrossTaskProblem, softmax_policy
 
@@ -124,6 +125,58 @@ def test_bad_input():
         GeneticAlgorithm(population=1)
     with pytest.raises(ValueError, match="restarts is 0"):
         gradient_ascent(CrossTaskProblem(bandits()), np.random.default_rng(0), restarts=0)
+
+
+def approach(start):
+    """0 leads to 1 and 1 to 2, worth 1; from 2 "back" to 1, worth 0, or "stay", worth 4."""
+    transition = np.zeros((3, 2, 3))
+    transition[0, :, 1] = transition[1, :, 2] = transition[2, 0, 1] = transition[2, 1, 2] = 1
+    reward = [[9.0, 9.0], [1.0, 1.0], [0.0, 4.0]]
+    return TabularMDP(transition, reward, np.eye(3)[start], discount=0.5, actions=("back", "stay"))
+
+
+@pytest.mark.parametrize("start", [0, 1, 2])
+def test_states_that_are_left_for_good_have_no_share(start):
+    # By a fair coin a third of the time is spent in 1: (1/3 + 2/3 (0 + 4)/2) / (1 - gamma).
+    problem = CrossTaskProblem(Domain("approach", (approach(start),)), "stationary")
+    assert problem.value(np.full((3, 2), 0.5)) == pytest.approx(10 / 3)
+    assert problem.gradient(np.zeros((3, 2)))[0] == pytest.approx(10 / 3)
+    assert problem.state_distribution(np.full((3, 2), 0.5))[0] == pytest.approx([0, 1 / 3, 2 / 3])
+    # Always back: 1 and 0 in turn.  Always stay, which is best: 4, and 1 is left for good too.
+    both = problem.value(np.repeat(np.eye(2)[:, None], 3, axis=1))
+    assert both == pytest.approx([0.5 / 0.5, 4 / 0.5])
+    found = gradient_ascent(problem, np.random.default_rng(0), restarts=2)
+    assert found.value == pytest.approx(8.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_policy_that_picks_one_action_against_the_exact_distribution(seed):
+    rng = np.random.default_rng(seed)
+    tasks = []
+    for _ in range(2):
+        transition = rng.dirichlet(np.full(6, 0.1), size=(6, 2)).round(1)
+        transition[..., 5] += 1 - transition.sum(axis=-1)
+        transition = np.clip(transition, 0, None)
+        transition /= transition.sum(axis=-1, keepdims=True)
+        tasks.append(TabularMDP(transition, rng.normal(size=(6, 2)), np.eye(6)[0], discount=0.9))
+    domain = Domain("random", tuple(tasks))
+    problem = CrossTaskProblem(domain, "stationary")
+    for policy in (np.eye(2)[rng.integers(2, size=6)] for _ in range(4)):
+        expected = np.mean([average_reward(task, policy) for task in tasks]) / 0.1
+        assert problem.value(policy) == pytest.approx(expected, rel=1e-8)
+
+
+def test_several_sets_that_are_never_left_have_no_one_distribution():
+    stay_or_go = np.stack([np.eye(2), np.eye(2)[::-1]], axis=1)
+    task = TabularMDP(stay_or_go, np.zeros((2, 2)), [0.5, 0.5], discount=0.5)
+    problem = CrossTaskProblem(Domain("two rooms", (task,)), "stationary")
+    assert problem.value(np.full((2, 2), 0.5)) == 0
+    with pytest.raises(ValueError, match="in task '0' a policy ends up in one of several sets"):
+        problem.value(np.array([[1.0, 0.0], [1.0, 0.0]]))
+    stuck = TabularMDP(stay_or_go[:, :1], [[1.0], [3.0]], [0.5, 0.5], discount=0.5)
+    with pytest.raises(ValueError, match="choose the objective 'start'"):
+        CrossTaskProblem(Domain("stuck", (stuck,)), "stationary")
+    assert CrossTaskProblem(Domain("stuck", (stuck,))).value(np.ones((2, 1))) == pytest.approx(4)
 
 
 def test_what_is_no_policy_has_no_value():

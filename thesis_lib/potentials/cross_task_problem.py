@@ -11,7 +11,7 @@ from scipy import special
 from thesis_lib.arrays import FloatArray, IntArray
 from thesis_lib.compiled import njit
 from thesis_lib.domains.domain import Domain, check_policies
-from thesis_lib.mdp.model import MDP
+from thesis_lib.mdp.model import ATOL, MDP
 
 Objective = Literal["start", "stationary"]
 OBJECTIVES: tuple[str, ...] = ("start", "stationary")
@@ -43,6 +43,12 @@ class CrossTaskProblem:
         this is the average reward divided by :math:`1 - \gamma`, and in an episodic one
         p(s|m, mu) is the share of time spent in s when episodes follow one another.
 
+    Raises
+    ------
+    ValueError
+        When there is no such objective, or it is ``"stationary"`` and a task ends up in one
+        of several sets of states that no policy leaves.
+
     Notes
     -----
     Arrays over a task's members are padded to the largest task; a padding state ends the
@@ -56,6 +62,7 @@ class CrossTaskProblem:
     _start: FloatArray = field(init=False, repr=False)
     _index: IntArray = field(init=False, repr=False)
     _discount: float = field(init=False, repr=False)
+    _first: IntArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.objective not in OBJECTIVES:
@@ -88,6 +95,10 @@ class CrossTaskProblem:
             ("_discount", min(domain.discount, 1.0 - 1.0 / HORIZON)),
         ):
             object.__setattr__(self, name, value)
+        first = np.zeros(n_tasks, dtype=np.int64)
+        if self.objective == "stationary":
+            first = self._recurrent(np.full(domain.shape, 1.0 / n_actions))
+        object.__setattr__(self, "_first", first)
 
     def value(self, policy: FloatArray) -> FloatArray:
         """The objective of one policy or of a batch of them.
@@ -105,10 +116,15 @@ class CrossTaskProblem:
         Raises
         ------
         ValueError
-            When it is no policy of the domain.
+            When it is no policy of the domain, or the objective is stationary and the policy
+            ends up in one of several sets of states that it never leaves.
         """
         mu = np.ascontiguousarray(check_policies(self.domain, policy))
         flat = mu.reshape(-1, *self.domain.shape)
+        first = np.tile(self._first, (len(flat), 1))
+        if self.objective == "stationary":
+            for b in np.flatnonzero((flat == 0.0).any(axis=(1, 2))):
+                first[b] = self._recurrent(flat[b])
         values = _objective(
             flat,
             self._transition,
@@ -117,6 +133,7 @@ class CrossTaskProblem:
             self._index,
             self.domain.distribution,
             self._discount,
+            first,
             self.objective == "stationary",
         )
         return np.asarray(values.reshape(mu.shape[:-2]))
@@ -124,7 +141,7 @@ class CrossTaskProblem:
     def state_distribution(self, policy: FloatArray) -> FloatArray:
         """Share of time p(s|m, mu) spent in each member state, shape ``(..., M, S)``.
 
-        Unique for policies that give every action a positive probability, as a softmax does.
+        Unique for a policy that has one set of states in each task which it never leaves.
         """
         return self._shares(self._under(policy)[0])
 
@@ -179,6 +196,29 @@ class CrossTaskProblem:
         value = float((self.domain.distribution * (weights * values).sum(-1)).sum())
         return value, policy * centred
 
+    def _recurrent(self, policy: FloatArray) -> IntArray:
+        """The first member of each task that one policy always comes back to, shape ``(M,)``."""
+        chain, _ = self._under(policy)
+        ends = 1.0 - chain.sum(-1) > ATOL
+        begins = self._start > 0
+        reach = (
+            (chain > 0) | (ends[..., None] & begins[:, None]) | np.eye(chain.shape[-1], dtype=bool)
+        )
+        for _ in range(chain.shape[-1].bit_length()):
+            steps = reach.astype(np.float32)
+            reach = steps @ steps > 0
+        recurs = (reach & begins[..., None]).any(axis=1)
+        recurs &= ~(reach & ~np.swapaxes(reach, -1, -2)).any(axis=-1)
+        first = recurs.argmax(axis=-1)
+        several = (recurs & ~reach[np.arange(len(first)), first]).any(axis=-1)
+        if several.any():
+            raise ValueError(
+                f"in task {self.domain.task_names[several.argmax()]!r} a policy ends up in one of "
+                "several sets of states that it never leaves, so it has no one stationary "
+                "distribution; choose the objective 'start'."
+            )
+        return first
+
     def _under(self, policy: FloatArray) -> tuple[FloatArray, FloatArray]:
         mu = policy[..., self._index, :]
         chain = np.einsum("...msa,msat->...mst", mu, self._transition)
@@ -190,7 +230,7 @@ class CrossTaskProblem:
 
 
 @njit()
-def _objective(mu, transition, reward, start, index, distribution, discount, stationary):  # type: ignore[no-untyped-def]
+def _objective(mu, transition, reward, start, index, distribution, discount, first, stationary):  # type: ignore[no-untyped-def]
     """Objective of a batch of policies, shape ``(B,)``, by elimination in every task.
 
     I - gamma P is diagonally dominant, so elimination needs no pivots; the stationary
@@ -241,7 +281,13 @@ def _objective(mu, transition, reward, start, index, distribution, discount, sta
                         stay += chain[s, t]
                     for t in range(S):
                         chain[s, t] += (1.0 - stay) * start[m, t]
+                # The elimination ends at member 0, which must be one that recurs.
+                root = first[b, m]
+                if root > 0:
+                    _swap(chain, root)
                 _stationary(chain, weight, pivot)
+                if root > 0:
+                    weight[0], weight[root] = weight[root], weight[0]
             else:
                 weight[:] = start[m]
             total = 0.0
@@ -252,8 +298,20 @@ def _objective(mu, transition, reward, start, index, distribution, discount, sta
 
 
 @njit()
+def _swap(chain, k):  # type: ignore[no-untyped-def]
+    """Let states 0 and k of a chain change places."""
+    for t in range(chain.shape[0]):
+        chain[0, t], chain[k, t] = chain[k, t], chain[0, t]
+    for s in range(chain.shape[0]):
+        chain[s, 0], chain[s, k] = chain[s, k], chain[s, 0]
+
+
+@njit()
 def _stationary(chain, weight, pivot):  # type: ignore[no-untyped-def]
-    """Stationary distribution of a chain, written to ``weight``; the others are overwritten."""
+    """Stationary distribution of a chain in which state 0 recurs, written to ``weight``.
+
+    The others are overwritten.
+    """
     S = chain.shape[0]
     for k in range(S - 1, 0, -1):
         leave = 0.0
