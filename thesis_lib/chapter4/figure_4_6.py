@@ -8,7 +8,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from scipy.stats import norm
 
 from thesis_lib.chapter3.runs import SETTINGS, TabularLearner
 from thesis_lib.chapter4 import looks
@@ -25,7 +24,7 @@ from thesis_lib.chapter4.protocol import (
 )
 from thesis_lib.chapter4.runs import Source, solve_domain
 from thesis_lib.domains import stock
-from thesis_lib.edition.criteria import LEVEL, Pair, judged, ordered, summary
+from thesis_lib.edition.criteria import Pair, judged, ordered, summary
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import unclutter
@@ -36,9 +35,6 @@ RIVALS = ("ibkr", "none", "random", "fixed")
 
 MARGIN = 0.05
 """Difference of returns that counts as none, as a share of the return."""
-
-SPREAD = 0.15
-"""Difference of rates that counts as none."""
 
 
 @dataclass(frozen=True)
@@ -155,32 +151,6 @@ def beats_fixed_features(table: pd.DataFrame) -> Finding:
         f"Paired gain over fixed features at G = 1: {listed}.",
         {"better": float(own.better.mean()), "worse": float(own.worse.mean())},
         direction=own.better.any(),
-    )
-
-
-@criterion("4.3-stock-roc", by_factors)
-def stays_in_roc_space(table: pd.DataFrame) -> Finding:
-    """Spread of FS-TEK's rates over G, at equal numbers of tasks."""
-    own = table[(table.method == "fs-tek") & (table.tasks_seen >= 4)]
-    spreads, errors = [], []
-    for some in (own[own.global_factors < 4], own):
-        by = some.groupby("tasks_seen")[["fpr", "tpr"]]
-        spread = by.max() - by.min()
-        n, rate = spread.max(axis=1).idxmax(), str(spread.max().idxmax())
-        ends = [by.min().loc[n, rate], by.max().loc[n, rate]]
-        # At most the variance of a share, for the features of a run may go together; the widest
-        # spread is chosen after looking, among all numbers of tasks and both rates.
-        variance = sum(p * (1 - p) for p in ends) / some.n_runs.min()
-        spreads.append(float(spread.loc[n, rate]))
-        errors.append(float(norm.isf(LEVEL / 2 / spread.size) * variance**0.5))
-    widest, error = spreads[0], errors[0]
-    return judged(
-        widest + error <= SPREAD,
-        f"Over G = 1 to 3, at one level, the rates differ by at most {plus_minus(widest, error)} "
-        "(corrected for the choice of the widest); over G = 1 to 5, with the level changed from 4 "
-        f"on, by up to {spreads[1]:.2f}.",
-        {"spread": widest, "error": error},
-        otherwise=Verdict.REFUTED if widest - error > SPREAD else Verdict.INCONCLUSIVE,
     )
 
 
