@@ -9,6 +9,7 @@ import pytest
 from thesis_lib import potentials
 from thesis_lib.chapter3 import (
     covering_tour,
+    figure_3_1,
     figure_3_3,
     huddle,
     level_or_order,
@@ -16,6 +17,7 @@ from thesis_lib.chapter3 import (
     shaping,
     theorem_1,
 )
+from thesis_lib.domains import continuing_cliff
 from thesis_lib.edition.ledger import Verdict
 from thesis_lib.mdp import solve
 
@@ -159,6 +161,50 @@ def test_the_threshold_of_huddling_can_fail() -> None:
     table = pd.DataFrame({"discount": [0.9, 0.95], "threshold": [0.04, 0.06]})
     assert huddle.huddle_threshold(table).verdict is Verdict.REPRODUCED
     assert huddle.huddle_threshold(table + 0.01).verdict is Verdict.NOT_REPRODUCED
+
+
+def test_detours_can_fail() -> None:
+    """Around the cliff of two cells lead 5 steps, 7 and 9; twice longer, and never shorter."""
+    table = pd.DataFrame({"discount": 0.9, "task": "t", "epsilon": [0.01, 0.02, 0.03, 0.04]})
+    for steps, verdict in (
+        ([5, 7, 9, -1], Verdict.REPRODUCED),
+        ([5, 7, 7, 9], Verdict.REPRODUCED),
+        ([5, 5, 7, -1], Verdict.REFUTED),
+        ([5, 7, 9, 7], Verdict.REFUTED),
+        ([5, 5, 5, 5], Verdict.REFUTED),
+    ):
+        assert huddle.ever_larger_detours(table.assign(steps=steps)).verdict is verdict
+    both = pd.concat([table.assign(steps=[5, 7, 9, -1]), table.assign(task="u", steps=5)])
+    assert huddle.ever_larger_detours(both).verdict is Verdict.REFUTED
+
+
+def test_paths_around_the_cliff_by_hand() -> None:
+    """Without exploration beside the cliff: one row off it, two steps more than its length."""
+    task = continuing_cliff(0.9).tasks[0]
+    assert huddle.path_length(task, solve(task).q) == 3 + 2
+    assert huddle.path_length(task, np.zeros((task.n_states, 4))) == -1  # north for ever
+
+
+def test_leads_are_counted_with_the_runs_of_the_thesis() -> None:
+    """Of two samples of 8, each with deviation 1, leads above 2.145 / 2 are significant at .05."""
+
+    def found(*leads: float) -> dict[str, float]:
+        names = ["Q_star", "Q_tilde", "Q_tilde_sarsa"]
+        rows = [("none", a, 10.0) for a in (0.05, 0.5)]
+        rows += [(n, a, m) for n, lead in zip(names, leads, strict=True)
+                 for a, m in ((0.05, 0.0), (0.5, 10 + lead))]  # fmt: skip
+        table = pd.DataFrame(rows, columns=["potential", "alpha", "mean_return"])
+        own = table.assign(discount=0.9, algorithm="sarsa", sd=1.0, n_runs=500)
+        finding = figure_3_1.shaped_overtakes(own)
+        return {"verdict": finding.verdict, **finding.numbers}
+
+    few, many, behind = found(1.06, 1.06, 1.09), found(1.06, 1.09, 1.09), found(1.0, 1.0, -1.0)
+    assert (few["leads"], few["significant"]) == (3, 1)
+    assert (many["leads"], many["significant"]) == (3, 2)
+    assert few["verdict"] is Verdict.REPRODUCED
+    assert many["verdict"] is Verdict.DIRECTION
+    assert behind["leads"] == 2
+    assert behind["verdict"] is Verdict.REFUTED
 
 
 def test_shaping_and_initialisation() -> None:

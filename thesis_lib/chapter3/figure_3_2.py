@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -23,7 +24,7 @@ from thesis_lib.chapter3.runs import (
 )
 from thesis_lib.chapter3.sarsa_solution import sarsa_solutions
 from thesis_lib.domains import continuing_cliff
-from thesis_lib.edition.criteria import Pair, no_greater, ordered
+from thesis_lib.edition.criteria import Pair, no_greater, ordered, positive
 from thesis_lib.edition.experiment import Context, Returns, experiment, returns
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import PRINTED, band
@@ -265,6 +266,32 @@ def stasis(table: pd.DataFrame) -> Finding:
     }
     pairs = [Pair(share[n], share["none"], (NAMES[n], NAMES["none"])) for n in _shaped(table)]
     return ordered(pairs, "share of the run in stasis")
+
+
+AWAKE = (1_000, 10_000)
+"""Steps between which unshaped Sarsa has learned and must not be in stasis yet."""
+
+
+@criterion("3.4.2-unshaped-stasis", mean_curves)
+def unshaped_stasis(table: pd.DataFrame) -> Finding:
+    """Unshaped Sarsa's share of the run in stasis, and its reward a step early and later."""
+    own = table[table.potential == "none"].set_index("step")
+    steps = [min(own.index, key=lambda s: abs(s - at)) for at in AWAKE] + [own.index.max()]
+    at = own.loc[steps]
+    lengths = np.maximum(np.diff(steps), 1)
+    early, late = np.diff(at.mean_return) / lengths
+    # Points of a curve share runs, so that the errors of differences are added.
+    error = (at.sd / at.n_runs**0.5).to_numpy()
+    gap = float(((error[:-1] + error[1:]) / lengths).sum())
+    share, half = own.stasis_share.iloc[0], own.stasis_ci95.iloc[0]
+    spans = [f"{first:,} to {last:,}" for first, last in pairwise(steps)]
+    return positive(
+        {
+            "share of the run in stasis less a half": (float(share) - 0.5, float(half) / 1.96),
+            f"reward a step from {spans[0]} less that from {spans[1]}": (float(early - late), gap),
+        },
+        "Unshaped Sarsa",
+    )
 
 
 def figure(mean: pd.DataFrame, runs: pd.DataFrame) -> Figure:
