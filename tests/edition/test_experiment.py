@@ -112,7 +112,7 @@ class Draw:
 
 
 def test_a_function_from_config_to_rows_is_an_experiment():
-    @base.experiment("toy", item="Toy", smoke=Config(1), book=Config(4), seconds=2, was="old")
+    @base.experiment("toy", item="Toy", smoke=Config(1), book=Config(4), seconds=2)
     def draws(config: Config, context: base.Context) -> list[Draw]:
         """Noise, again.
 
@@ -123,7 +123,6 @@ def test_a_function_from_config_to_rows_is_an_experiment():
     assert draws.title == "Noise, again."
     assert draws.columns == {"run": "Its number", "value": "A normal number, of mean 0"}
     assert draws.config("thesis") == Config(4)
-    assert draws.was == "old"
     table = draws.run("book").table
     expected = pd.DataFrame({"run": range(4), "value": 0.5})
     pd.testing.assert_frame_equal(table, expected)
@@ -287,7 +286,6 @@ def test_settings_that_are_not_what_they_should_be(config, message):
 @dataclass(frozen=True)
 class Inner:
     runs: int = 2
-    elite: int = 1
 
 
 @dataclass(frozen=True)
@@ -319,13 +317,12 @@ COUNTING = base.Experiment(
         (Counts(rates=()), "rates is empty, but it must have at least one value."),
         (Counts(sizes=((1, 0),)), "sizes is ((1, 0),), but it must be at least 1."),
         (Counts(inner=Inner(runs=0)), "runs is 0, but it must be at least 1."),
-        (Counts(inner=Inner(elite=-1)), "elite is -1, but it must be at least 0."),
     ],
 )
 def test_counts_of_nothing(config, message):
     with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
         COUNTING.run(config=config)
-    COUNTING.run(config=Counts(extra=0, inner=Inner(elite=0)))
+    COUNTING.run(config=Counts(extra=0))
 
 
 def test_no_budget_counts_nothing():

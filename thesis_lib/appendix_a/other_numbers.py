@@ -97,7 +97,6 @@ def what_holds(
     smoke=Config(gains=(3.0, 6.0, 9.0), detours=(0.02, 0.05, 0.2), discounts=(0.9,), policies=21),
     book=Config(),
     seconds=2,
-    was="figure-a.3-numbers",
 )
 def by_numbers(config: Config, context: Context) -> list[Numbers]:
     """Which statements about figure A.3 hold for other rewards, probabilities and discounts."""

@@ -99,7 +99,6 @@ class Distance:
     smoke=Config(runs=2, steps=2_000, checkpoints=4),
     book=Config(),
     seconds=8,
-    was="section-2.3.3-convergence",
 )
 def distances(config: Config, context: Context) -> list[Distance]:
     """Where Q-learning and Sarsa converge to on the cliff while they explore."""

@@ -62,7 +62,6 @@ class Error:
     smoke=Config(),
     book=Config(),
     seconds=0.02,
-    was="section-2.3.2",
 )
 def errors(config: Config, context: Context) -> list[Error]:
     """Sweeps of policy and value iteration on the cliff until the values are optimal."""

@@ -74,7 +74,6 @@ class Estimator:
     smoke=Config(steps=3),
     book=Config(),
     seconds=0.03,
-    was="section-2.3.4",
 )
 def biases(config: Config, context: Context) -> list[Estimator]:
     """Bias and variance of policy-gradient estimators, over all trajectories of a small task."""

@@ -78,7 +78,6 @@ class Outcome:
     book=Config(runs=200),
     thesis=Config(),
     seconds=3,
-    was="section-2.3.3-exploration",
 )
 def by_epsilon(config: Config, context: Context) -> list[Outcome]:
     """The exploration dilemma on the cliff: return while learning and return learned."""

@@ -77,7 +77,6 @@ class Divergence:
     smoke=Config(steps=3),
     book=Config(),
     seconds=0.008,
-    was="section-2.3.5",
 )
 def divergences(config: Config, context: Context) -> list[Divergence]:
     """KL divergence of a policy step against its quadratic approximation."""

@@ -65,7 +65,6 @@ class Policy:
     book=Config(runs=6),
     thesis=Config(),
     seconds=18,
-    was="section-2.3.5-learning",
 )
 def curves(config: Config, context: Context) -> list[Policy]:
     """Policy-gradient algorithms on a linear-quadratic task: return, and divergence made."""

@@ -69,7 +69,6 @@ class Place:
     smoke=LandscapeConfig(resolution=9),
     book=LandscapeConfig(),
     seconds=11,
-    was="section-2.3.5-landscape",
 )
 def landscape(config: LandscapeConfig, context: Context) -> list[Place]:
     """Return of two-parameter policies, and their divergence from where steps start."""
@@ -135,7 +134,6 @@ class Step:
     smoke=Config(batch_steps=400, repeats=2),
     book=Config(),
     seconds=4,
-    was="section-2.3.5-steps",
 )
 def steps(config: Config, context: Context) -> list[Step]:
     """The step each policy-gradient algorithm makes in a two-parameter policy."""

@@ -109,7 +109,6 @@ class Run:
     smoke=Config(runs=5, episodes=40, late=10),
     book=Config(),
     seconds=0.5,
-    was="section-2.3.3",
 )
 def runs(config: Config, context: Context) -> list[Run]:
     """Sarsa and Q-learning on the cliff: online return and the path learned."""
@@ -171,7 +170,6 @@ class Block(Returns):
     smoke=CurveConfig(runs=5, episodes=40, late=10),
     book=CurveConfig(),
     seconds=0.4,
-    was="section-2.3.3-curve",
 )
 def curve(config: CurveConfig, context: Context) -> list[Block]:
     """Sarsa and Q-learning on the cliff: return by episode while learning."""

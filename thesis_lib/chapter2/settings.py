@@ -81,7 +81,6 @@ class Outcome:
     book=Config(runs=5),
     thesis=Config(),
     seconds=30,
-    was="section-2.3.5-settings",
 )
 def outcomes(config: Config, context: Context) -> list[Outcome]:
     """Policy-gradient algorithms with steps from too short to too long."""

@@ -57,7 +57,6 @@ class Threshold:
     smoke=Config(discounts=(0.95,), tolerance=0.02),
     book=Config(),
     seconds=0.6,
-    was="section-3.4.2-huddle",
 )
 def thresholds(config: Config, context: Context) -> list[Threshold]:
     """Exploration rate from which the optimal soft policy stays in a corner, exact.

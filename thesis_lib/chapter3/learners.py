@@ -40,7 +40,6 @@ class Entry:
     book=replace(OTHERS, n_runs=400),
     thesis=OTHERS,
     seconds=5,
-    was="table-3.1-learners",
 )
 def entries(config: table_3_1.Config, context: Context) -> list[Entry]:
     """Table 3.1 for Expected Sarsa and Double Q-learning."""

@@ -57,7 +57,6 @@ class Return:
     smoke=Config(alphas=(0.4, 1.0), repeats=1, episodes=10),
     book=Config(),
     seconds=1,
-    was="table-3.1-alpha",
 )
 def by_alpha(config: Config, context: Context) -> list[Return]:
     """Total reward of unshaped learners on the episodic cliff over the learning rate."""

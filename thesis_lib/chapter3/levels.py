@@ -59,7 +59,6 @@ class Level:
     smoke=Config(domains=("triangle",), mu=MuSearch(restarts=1)),
     book=Config(),
     seconds=3,
-    was="section-3.3-levels",
 )
 def levels(config: Config, context: Context) -> list[Level]:
     """How high each potential is and which actions it prefers, exact."""

@@ -62,7 +62,6 @@ class Search:
     book=Config(ga_runs=1, restarts=10),
     thesis=Config(),
     seconds=55,
-    was="section-3.3.5",
     claims_read={"domains": ("episodic cliff",)},
 )
 def searches(config: Config, context: Context) -> list[Search]:

@@ -138,7 +138,6 @@ class Return:
     ),
     book=Config(),
     seconds=6,
-    was="table-3.1-mu",
 )
 def returns(config: Config, context: Context) -> list[Return]:
     """Total reward with Q^mu on the episodic cliff under several readings."""

@@ -67,7 +67,6 @@ class Fit:
     book=Config(n_runs=250),
     thesis=Config(),
     seconds=15,
-    was="table-3.1-fit",
 )
 def fit(config: Config, context: Context) -> list[Fit]:
     """How well readings of section 3.4.1 fit the printed numbers, over the episodes run."""

@@ -77,7 +77,6 @@ class Solution:
     smoke=Config(discounts=(0.95,), steps=2000),
     book=Config(),
     seconds=6,
-    was="section-3.4.2-sarsa",
 )
 def learned(config: Config, context: Context) -> list[Solution]:
     """Where Sarsa ends up on the continuing cliff, against the exact soft optimum."""

@@ -72,7 +72,6 @@ class Return(Returns):
     book=Config(repeats=15),
     thesis=Config(),
     seconds=14,
-    was="section-3.6-scaling",
 )
 def scaled(config: Config, context: Context) -> list[Return]:
     """Return over a factor the potential is multiplied by."""

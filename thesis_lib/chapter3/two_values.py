@@ -71,7 +71,6 @@ class Return:
     book=Config(repeats=5),
     thesis=Config(),
     seconds=19,
-    was="section-3.6-two-values",
 )
 def learned_on_the_side(config: Config, context: Context) -> list[Return]:
     """A Q-learner that learns the soft values on the side, against the exact potential."""

@@ -102,7 +102,6 @@ class Return(Returns):
     book=Config(repeats=30),
     thesis=Config(),
     seconds=11,
-    was="section-3.3.6",
 )
 def compared(config: Config, context: Context) -> list[Return]:
     """Return of each potential under the four choices of p(x|m)."""

@@ -72,7 +72,6 @@ class Kept:
     book=Config(runs=60),
     thesis=Config(runs=2000),
     seconds=11,
-    was="selector-calibration",
 )
 def kept(config: Config, context: Context) -> list[Kept]:
     """How often the jackknife F-test keeps an irrelevant and a relevant feature."""

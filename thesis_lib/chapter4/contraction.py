@@ -65,7 +65,6 @@ class Step:
     smoke=Config(domains=6, lengths=(2, 10)),
     book=Config(),
     seconds=4,
-    was="theorem-2-each-k",
 )
 def steps(config: Config, context: Context) -> list[Step]:
     """Ratio of successive steps of k-relevance, and the rest after c/k, in random domains."""

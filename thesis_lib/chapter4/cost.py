@@ -112,7 +112,6 @@ def same_pairs(n_features: int, n_tasks: int, rng: np.random.Generator) -> Solut
     book=Config(),
     thesis=Config(bits=(8, 10, 12, 14, 16, 18)),
     seconds=20,
-    was="k-relevance-cost",
 )
 def timings(config: Config, context: Context) -> list[Timing]:
     """Time of the k-relevance of all features for all k, by algorithm 8 and by the law."""

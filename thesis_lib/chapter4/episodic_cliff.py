@@ -54,7 +54,6 @@ SMOKE = figure_4_4.Config(
     smoke=Config(SMOKE),
     book=Config(),
     seconds=15,
-    was="figure-4.4-episodic",
 )
 def with_either(config: Config, context: Context) -> list[PotentialSelected]:
     """Feature selection on the episodic cliff with sensor, with either potential."""

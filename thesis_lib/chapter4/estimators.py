@@ -62,7 +62,6 @@ class Bias:
     book=Config(runs=1000),
     thesis=Config(),
     seconds=12,
-    was="estimator-u",
 )
 def biases(config: Config, context: Context) -> list[Bias]:
     """Bias and error of three estimates of domain relevance from n observed tasks."""

@@ -99,7 +99,6 @@ def points_on_a_curve(
     book=Config(seeds=2),
     thesis=Config(seeds=20),
     seconds=18,
-    was="function-law",
 )
 def curves(config: Config, context: Context) -> list[Point]:
     """k-relevance of a linear function and of small networks against a + b/k."""

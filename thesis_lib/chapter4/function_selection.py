@@ -124,7 +124,6 @@ class Selected(Rated):
     book=Config(runs=60, wide_runs=8),
     thesis=Config(runs=500, wide_runs=100),
     seconds=60,
-    was="function-selection",
     claims_read={"tasks_seen": (16,), "tests": 1},
 )
 def selected(config: Config, context: Context) -> list[Selected]:

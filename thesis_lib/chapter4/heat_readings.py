@@ -110,7 +110,6 @@ class Reading(Kept):
     book=Config(),
     thesis=Config(replace(BASE, protocol=replace(BASE.protocol, runs=100))),
     seconds=23,
-    was="figure-4.7-readings",
 )
 def by_reading(config: Config, context: Context) -> list[Reading]:
     """FS-TEK on the heat domain, by reading of what the text leaves open."""

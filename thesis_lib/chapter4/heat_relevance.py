@@ -80,7 +80,6 @@ SMOKE = Config(HeatSpace(learner=HeatLearner(episodes=20)), sensors=(0.02,), bat
     book=Config(batches=4, tasks=40),
     thesis=Config(batches=40),
     seconds=10,
-    was="section-4.3-heat",
 )
 def relevances(config: Config, context: Context) -> list[Relevance]:
     """Task and domain relevance of the heat domain's features, from many learned tasks."""

@@ -97,7 +97,6 @@ class Reading(Rated):
     book=Config(runs=60),
     thesis=Config(runs=500),
     seconds=20,
-    was="fs-tek-joint-search",
 )
 def readings(config: Config, context: Context) -> list[Reading]:
     """Rates and returns on the triangle by schedule, sample of tasks and interval."""

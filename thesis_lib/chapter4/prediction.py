@@ -128,7 +128,6 @@ class Prediction(Kept):
     book=Config(runs=25),
     thesis=Config(runs=300),
     seconds=23,
-    was="selection-as-prediction",
 )
 def predictions(config: Config, context: Context) -> list[Prediction]:
     """Rates, excess squared error, regret and return of selectors on the next task."""

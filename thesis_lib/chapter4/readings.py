@@ -67,7 +67,6 @@ class Rates(Kept):
     book=Config(runs=150),
     thesis=Config(runs=500),
     seconds=18,
-    was="figure-4.3-readings",
 )
 def by_reading(config: Config, context: Context) -> list[Rates]:
     """False and true positive rate on the triangle, by reading of FS-TEK and IBKR."""

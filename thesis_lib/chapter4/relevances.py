@@ -60,7 +60,6 @@ class Relevance:
     smoke=Config(global_factors=(1, 2)),
     book=Config(),
     seconds=0.3,
-    was="section-4.3-relevance",
 )
 def relevances(config: Config, context: Context) -> list[Relevance]:
     """Exact task and domain relevance of every feature of the thesis's domains."""

@@ -89,7 +89,6 @@ class Place(Placed):
     book=Config(runs=30),
     thesis=Config(runs=500),
     seconds=26,
-    was="selector-roc",
 )
 def places(config: Config, context: Context) -> list[Place]:
     """False and true positive rates of FS-TEK, IBKR, F-test and cross-validation, on 8 domains."""

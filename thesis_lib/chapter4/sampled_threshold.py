@@ -65,7 +65,6 @@ class Agreement:
     smoke=Config(tasks_seen=(5,), max_seqs=(5, EVERY), domains=5),
     book=Config(),
     seconds=4,
-    was="fs-tek-sampled",
 )
 def agreement(config: Config, context: Context) -> list[Agreement]:
     """Decisions of algorithm 7 that its threshold on F predicts, by sample of combinations."""

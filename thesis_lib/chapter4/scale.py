@@ -74,7 +74,6 @@ def planted_table(config: Config, bits: int, rng: np.random.Generator) -> Soluti
     book=Config(bits=(12, 14, 16, 18)),
     thesis=Config(),
     seconds=6,
-    was="selection-at-scale",
 )
 def selections(config: Config, context: Context) -> list[Selection]:
     """Time of a whole selection on tables of 50 tasks and more and more pairs."""

@@ -73,7 +73,6 @@ class Kept:
     book=Config(runs=200),
     thesis=Config(),
     seconds=9,
-    was="selector-scatter",
 )
 def kept(config: Config, context: Context) -> list[Kept]:
     """How often an irrelevant feature is kept, by the law of its effect."""

@@ -149,7 +149,6 @@ class Window:
     book=Config(runs=60, windows=60),
     thesis=Config(runs=500),
     seconds=24,
-    was="task-relevance-learning",
 )
 def windows(config: Config, context: Context) -> list[Window]:
     """Learning of new tasks on the table that past tasks say is needed, and on the full one."""

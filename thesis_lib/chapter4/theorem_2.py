@@ -106,7 +106,6 @@ class Example:
     smoke=ExampleConfig(longest=4),
     book=ExampleConfig(),
     seconds=0.07,
-    was="theorem-2-examples",
 )
 def counterexamples(config: ExampleConfig, context: Context) -> list[Example]:
     """k-relevance of three domains of two tasks, small enough to do by hand."""

@@ -69,7 +69,6 @@ class Limit:
     book=Config(),
     thesis=Config(domains=300),
     seconds=6,
-    was="fs-tek-threshold",
 )
 def limits(config: Config, context: Context) -> list[Limit]:
     """The F-ratio up to which FS-TEK removes a feature, and its decisions beside the rule's."""

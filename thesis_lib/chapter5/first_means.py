@@ -59,7 +59,6 @@ class Size:
     smoke=Config(("Hopper",), ("ffwd", "dtrnn", "ctrnn", "esn"), 1, 50),
     book=Config(seeds=1),
     seconds=12,
-    was="section-5.4-first-means",
 )
 def sizes(config: Config, context: Context) -> list[Size]:
     """Mean actions of every network before training, on the states it visits."""

@@ -119,7 +119,6 @@ class Point:
     book=Config(steps=2**14),
     thesis=Config(),
     seconds=19,
-    was="section-5.2-gain",
 )
 def untrained(config: Config, context: Context) -> list[Point]:
     """Gain of every architecture over frequency, before training."""

@@ -68,7 +68,6 @@ class StagePoint(Point):
     book=Config(steps=2**13),
     thesis=Config(steps=2**15),
     seconds=25,
-    was="section-5.2-gain-trained",
 )
 def before_and_after(config: Config, context: Context) -> list[StagePoint]:
     """Gain of the recurrent architectures over frequency, before and after training."""

@@ -117,7 +117,6 @@ class Episode:
     book=Config(learner=live.Config(iterations=30, seeds=1)),
     thesis=Config(searches=10),
     seconds=25,
-    was="section-5.5.2-gaits",
 )
 def episodes(config: Config, context: Context) -> list[Episode]:
     """Frequency of a gait: open-loop ones, and that of a network after a short training."""

@@ -104,7 +104,6 @@ class Flow:
     smoke=Config(seeds=1, ratios=(0.1, 1.0)),
     book=Config(),
     seconds=1,
-    was="section-5.2.2-gradients",
 )
 def gaps(config: Config, context: Context) -> list[Gap]:
     """Gradient of an integrated network against integrating the equations of the gradient."""

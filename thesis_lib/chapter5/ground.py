@@ -87,7 +87,6 @@ def tops_per_area(field: HeightField) -> float:
     book=Config(),
     thesis=Config(n_maps=100),
     seconds=3,
-    was="terrain-5.1",
 )
 def maps(config: Config, context: Context) -> list[Map]:
     """Heights, slopes and hilltops of the author's terrain and the text's."""
@@ -243,7 +242,6 @@ class Start:
     book=StartsConfig(),
     thesis=StartsConfig(n_maps=100),
     seconds=7,
-    was="starts-5.1",
 )
 def starts(config: StartsConfig, context: Context) -> list[Start]:
     """How deep robots stick in the ground at a reset, by kind of start patch."""

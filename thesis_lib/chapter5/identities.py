@@ -46,7 +46,6 @@ class Gap:
     smoke=Config(steps=20, seeds=2),
     book=Config(),
     seconds=0.1,
-    was="section-5.2-identities",
 )
 def gaps(config: Config, context: Context) -> list[Gap]:
     """Networks that are discrete-time ones in disguise."""

@@ -74,7 +74,6 @@ class Deviation:
     smoke=Config(seeds=1, ratios=(0.1, 1.0)),
     book=Config(),
     seconds=0.9,
-    was="section-5.2.2-integrators",
 )
 def errors(config: Config, context: Context) -> list[Deviation]:
     """Error of the CTRNN's integrators against an adaptive solver."""

@@ -48,7 +48,6 @@ class Unit:
     smoke=Config(),
     book=Config(),
     seconds=0.9,
-    was="section-5.2.2-time-constants",
 )
 def by_unit(config: Config, context: Context) -> list[Unit]:
     """Time constants that training ends with."""

@@ -60,7 +60,6 @@ def trained(run: TrainConfig) -> Training:
         "seed": "of the run",
         "delta_kl": "bound on the divergence of an update [nat], from table 5.1",
     },
-    was="section-5.5.1-live",
 )
 def curves(config: Config, context: Context) -> pd.DataFrame:
     """One network learning to run, a few iterations."""

@@ -82,7 +82,6 @@ class Forgetting:
     smoke=Config(seeds=1, steps=100),
     book=Config(),
     seconds=11,
-    was="section-5.2.3-memory",
 )
 def impulses(config: Config, context: Context) -> list[Forgetting]:
     """How long an impulse is felt in the action of every architecture, before training."""

@@ -23,7 +23,6 @@ COMMITTED = Config(("learning/curves",))
     book=COMMITTED,
     seconds=0.009,
     columns=COLUMNS,
-    was="section-5.5.1-curves",
 )
 def curves(config: Config, context: Context) -> pd.DataFrame:
     """Learning curves of nine networks on the five flat tasks (committed with the book)."""

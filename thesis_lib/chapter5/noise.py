@@ -71,7 +71,6 @@ class Sensor:
     book=Config(n_episodes=20),
     thesis=Config(n_episodes=400),
     seconds=4,
-    was="noise-5.1",
 )
 def by_sensor(config: Config, context: Context) -> list[Sensor]:
     """How far each sensor ranges by itself, beside noise of standard deviation 1."""

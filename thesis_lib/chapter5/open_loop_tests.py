@@ -66,7 +66,6 @@ class Run:
     book=Config(n_runs=10),
     thesis=Config(searches=10),
     seconds=47,
-    was="metronome-5.4",
 )
 def runs(config: Config, context: Context) -> list[Run]:
     """The thesis's robustness tests on a controller without sensors."""

@@ -38,7 +38,6 @@ COMMITTED = Config(tuple(f"options/{name}/curves" for name in SWEEPS))
         "batch_steps": "control steps of an iteration",
         **PAIRED_COLUMNS,
     },
-    was="section-5.5.1-options",
 )
 def changes(config: Config, context: Context) -> pd.DataFrame:
     """Returns with settings changed one at a time (committed with the book).

@@ -43,7 +43,6 @@ LEARNERS = {
     book=COMMITTED,
     seconds=0.007,
     columns=COLUMNS,
-    was="section-5.5.1-peers",
 )
 def curves(config: Config, context: Context) -> pd.DataFrame:
     """Learning curves of TRPO, ours and sb3-contrib's (committed with the book)."""

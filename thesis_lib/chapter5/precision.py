@@ -22,7 +22,6 @@ COMMITTED = Config(("precision/curves",))
     book=COMMITTED,
     seconds=0.007,
     columns=COLUMNS,
-    was="section-5.5.1-precision",
 )
 def curves(config: Config, context: Context) -> pd.DataFrame:
     """Learning curves with networks in float32 and in float64 (committed with the book)."""

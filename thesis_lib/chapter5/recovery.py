@@ -54,7 +54,6 @@ class Run:
     smoke=Config(search=SMOKE_SEARCH, n_runs=3, struggle=10, steps=20),
     book=Config(),
     seconds=7,
-    was="recovery-5.1",
     claims_read={"robots": ("Swimmer",)},
 )
 def runs(config: Config, context: Context) -> list[Run]:

@@ -55,7 +55,6 @@ class Eigenvalue:
     smoke=EigenvaluesConfig(ant_units=50),
     book=EigenvaluesConfig(),
     seconds=0.8,
-    was="section-5.2.5-eigenvalues",
 )
 def eigenvalues(config: EigenvaluesConfig, context: Context) -> list[Eigenvalue]:
     """Eigenvalues of echo state networks, and of a vanilla net before training."""
@@ -179,7 +178,6 @@ def exponent(
     smoke=Config(radii=(0.8, 1.5), noises=(0.0, 1.0), seeds=1, settle=20, steps=50),
     book=Config(),
     seconds=10,
-    was="section-5.2.5-radius",
 )
 def exponents(config: Config, context: Context) -> list[Exponent]:
     """Whether a reservoir forgets or magnifies, by spectral radius and input."""

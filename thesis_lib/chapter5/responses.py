@@ -54,7 +54,6 @@ class Moment:
     smoke=Config(seeds=1, steps=40),
     book=Config(),
     seconds=0.8,
-    was="section-5.2-responses",
 )
 def moments(config: Config, context: Context) -> list[Moment]:
     """Response of every architecture to an impulse and a step, before training."""

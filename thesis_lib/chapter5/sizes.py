@@ -88,7 +88,6 @@ def count(architecture: str, inputs: int, actions: int, units: int) -> int:
     smoke=Config(largest_reservoir=300),
     book=Config(),
     seconds=4,
-    was="section-5.4-sizes",
 )
 def sizes(config: Config, context: Context) -> list[Size]:
     """Units and learned parameters of every network on every task."""

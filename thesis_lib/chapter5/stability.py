@@ -74,7 +74,6 @@ def growth(eigenvalues: NDArray[np.complex128], ratio: float, integrator: str) -
     smoke=Config(ratios=(0.45, 0.9, 1.0, 1.2), seeds=2),
     book=Config(),
     seconds=0.9,
-    was="section-5.2.2-stability",
 )
 def modes(config: Config, context: Context) -> list[Mode]:
     """Whether a continuous-time network is stable when its time constants are below the step."""

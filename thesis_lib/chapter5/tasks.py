@@ -100,7 +100,6 @@ def _limits(limits: Limits | None) -> str:
     smoke=Config(),
     book=Config(),
     seconds=0.02,
-    was="tasks-5.1",
 )
 def by_robot(config: Config, context: Context) -> list[Task]:
     """The five tasks: sizes, rates, rewards and limits."""

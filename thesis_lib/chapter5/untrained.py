@@ -147,7 +147,6 @@ class Episode:
     book=Config(n_episodes=10),
     thesis=Config(n_episodes=400),
     seconds=12,
-    was="baseline-5.1",
 )
 def episodes(config: Config, context: Context) -> list[Episode]:
     """The untrained controller on flat and hilly ground."""

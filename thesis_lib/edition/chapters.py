@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-import warnings
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -187,7 +186,7 @@ def _unique(items: chain[ItemT]) -> tuple[ItemT, ...]:
 
 
 def find(identifier: str) -> Experiment[Any]:
-    """The experiment of an id, or of one it had before.
+    """The experiment of an id.
 
     Raises
     ------
@@ -195,11 +194,6 @@ def find(identifier: str) -> Experiment[Any]:
         With the nearest ids when there is none of that name.
     """
     known = experiments()
-    renamed = {e.was: e for e in known.values() if e.was}
-    if identifier in renamed:
-        now = renamed[identifier]
-        warnings.warn(f"{identifier!r} is called {now.id!r} now: use that.", stacklevel=2)
-        return now
     if identifier not in known:
         near = difflib.get_close_matches(identifier, known, 3, 0.4) or list(known)[:3]
         raise ValueError(

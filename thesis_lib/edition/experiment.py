@@ -65,8 +65,6 @@ class Experiment(Generic[ConfigT]):
         Meaning and unit of each column of the table.
     seconds
         How long the book budget took on one core, in seconds.
-    was
-        What the experiment was called before, if it had another id.
     claims_read
         Changes of the config that leave out what no claim reads; with them its claims are judged
         over roots.
@@ -79,7 +77,6 @@ class Experiment(Generic[ConfigT]):
     budgets: Mapping[str, ConfigT]
     columns: Mapping[str, str]
     seconds: float
-    was: str = ""
     claims_read: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -159,10 +156,6 @@ class Experiment(Generic[ConfigT]):
         return Result(self, table, provenance)
 
 
-NONE_AT_ALL = frozenset({"brute_force", "elite", "n_random"})
-"""Counts that may be 0, though no budget has them so."""
-
-
 def _check_counts(config: Any, budgets: Sequence[Any]) -> None:
     """Raise ValueError for a count below 1, or several values of which there are none.
 
@@ -176,7 +169,7 @@ def _check_counts(config: Any, budgets: Sequence[Any]) -> None:
             continue
         if isinstance(value, tuple) and not value and () not in usual:
             raise ValueError(f"{part.name} is empty, but it must have at least one value.")
-        least = min([1, *_whole(usual), *(n for n in [0] if part.name in NONE_AT_ALL)])
+        least = min([1, *_whole(usual)])
         for n in _whole(value):
             if n < least:
                 raise ValueError(f"{part.name} is {shown(value)}, but it must be at least {least}.")
@@ -198,7 +191,6 @@ def experiment(
     thesis: ConfigT | None = None,
     seconds: float,
     columns: Mapping[str, str] | None = None,
-    was: str = "",
     claims_read: Mapping[str, Any] | None = None,
 ) -> Callable[[Callable[[ConfigT, Context], Any]], Experiment[ConfigT]]:
     """Make an experiment of a function from a config and a context to rows.
@@ -208,7 +200,7 @@ def experiment(
 
     Parameters
     ----------
-    identifier, item, seconds, was, claims_read
+    identifier, item, seconds, claims_read
         See :class:`Experiment`.
     smoke, book, thesis
         The config at each budget; without ``thesis`` the thesis ran what the book does.
@@ -232,7 +224,6 @@ def experiment(
             budgets={"smoke": smoke, "book": book, "thesis": book if thesis is None else thesis},
             columns=dict(columns or {}) if row is None else columns_of(row),
             seconds=seconds,
-            was=was,
             claims_read=claims_read or {},
         )
 
