@@ -47,6 +47,7 @@ from thesis_lib.training.plan import STEP_COST, cost, makespan, memory, plan
 from thesis_lib.training.store import Store
 from thesis_lib.training.sweep import Outcome, in_order, sweep
 from thesis_lib.training.train import train
+from thesis_lib.training.trained import TrainedPolicies
 
 SMALL = TrainConfig(batch_steps=100, horizon=20, iterations=3, checkpoint_every=1)
 TIMES = ["sampling_seconds", "update_seconds", "wall_seconds"]
@@ -155,6 +156,21 @@ def made_up(returns: dict[tuple[int, str, str], list[float]]) -> pd.DataFrame:
         part = part.assign(**keys, seed=seed, precision=precision, variant=variant)
         parts.append(part.assign(sampling_seconds=1.0, update_seconds=0.25, wall_seconds=2.0))
     return pd.concat(parts, ignore_index=True)
+
+
+def test_no_policy_of_another_run_is_kept(tmp_path: Path) -> None:
+    (config,) = Grid(("hopper",), ("flat",), ("ffwd",)).runs(SMALL)
+    other = dataclasses.replace(config, batch_steps=40, iterations=1)
+    train(other, tmp_path / "runs" / run_name(config))
+    for asked, names in ((config, ()), (other, (run_name(other),))):
+        curves = write([asked], tmp_path / "runs", tmp_path / "out", command="")
+        assert len(curves) == len(names)
+        assert TrainedPolicies(tmp_path / "out" / "policies.pt").names == names
+    (tmp_path / "runs" / run_name(other) / "checkpoint.pt").unlink()
+    write([other], tmp_path / "runs", tmp_path / "out", command="")
+    assert TrainedPolicies(tmp_path / "out" / "policies.pt").names == ()
+    _, record = load("curves", tmp_path / "out")
+    assert "there is no checkpoint" in record["runs"][0]["error"]
 
 
 def test_summary_by_hand() -> None:

@@ -277,10 +277,9 @@ def write(
     """
     folder = writable_directory(out)
     curves = merged(configs, runs)
-    begun = [(run_name(c), Path(runs) / run_name(c)) for c in configs]
-    begun = [(name, run) for name, run in begun if (run / "checkpoint.pt").exists()]
-    left_out = write_policies(begun, folder / "policies.pt")
     found = {run_name(c): _record(c, runs) or {} for c in configs}
+    begun = [(name, Path(runs) / name) for name, own in found.items() if own]
+    left_out = write_policies(begun, folder / "policies.pt")
     makers = list({json.dumps(made(r)): made(r) for r in found.values() if r}.values())
     numbers = {name: makers.index(made(r)) for name, r in found.items() if r}
     errors = left_out | dict(errors or {})

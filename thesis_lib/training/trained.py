@@ -141,7 +141,7 @@ def write_policies(runs: Sequence[tuple[str, Path]], path: Path | str) -> dict[s
     for name, directory in runs:
         try:
             run = read_trained(directory)
-        except ValueError as error:
+        except (FileNotFoundError, ValueError) as error:
             unread[name] = str(error)
             continue
         policies[name] = {
