@@ -70,6 +70,29 @@ def test_finished_runs_are_added_to_a_store_each_with_what_made_it(
     assert found["rows"] == 6
 
 
+def test_a_store_that_a_killed_merge_left_is_refused(
+    runs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Killed between the tables of curves and of seconds, their rows belong to other runs."""
+    store = written(CONFIGS[1:2], runs, tmp_path / "store")
+    more = written(CONFIGS[:1], runs, tmp_path / "more")
+    replacing = curves.replacing
+
+    def killed(path: Path) -> object:
+        if path.name == "curves.seconds.csv":
+            raise KeyboardInterrupt
+        return replacing(path)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(curves, "replacing", killed)
+        with pytest.raises(KeyboardInterrupt):
+            merge([store, more], store, command="thesis merge")
+    left = [file.read_bytes() for file in sorted(store.iterdir())]
+    with pytest.raises(ValueError, match=r"4 rows in curves.csv, 2 in curves.seconds.csv.*git"):
+        merge([store, more], store, command="thesis merge")
+    assert [file.read_bytes() for file in sorted(store.iterdir())] == left
+
+
 def test_sweeps_of_two_budgets_stay_apart(runs: Path, tmp_path: Path) -> None:
     longer = dataclasses.replace(CONFIGS[0], batch_steps=120)
     train(longer, tmp_path / "runs" / run_name(longer))

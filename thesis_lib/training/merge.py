@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-import torch
 
 from thesis_lib.files import writable_directory
 from thesis_lib.training.checkpoint import write_tensors
@@ -53,7 +52,7 @@ def read_sweep(folder: Path | str) -> Swept:
     Raises
     ------
     ValueError
-        When the directory lacks one of a sweep's files.
+        When the directory lacks one of a sweep's files, or they were not all written.
     """
     folder = Path(folder)
     for name in ("curves.json", "curves.csv", "curves.seconds.csv", "policies.pt"):
@@ -64,15 +63,19 @@ def read_sweep(folder: Path | str) -> Swept:
             )
     record = json.loads((folder / "curves.json").read_text(encoding="utf-8"))
     done = set(finished(record))
-    table = pd.concat(
-        [pd.read_csv(folder / name) for name in ("curves.csv", "curves.seconds.csv")], axis=1
-    )
+    curves, seconds = (pd.read_csv(folder / n) for n in ("curves.csv", "curves.seconds.csv"))
+    if {len(curves), len(seconds)} != {record["rows"]}:
+        raise ValueError(
+            f"{str(folder)!r} has {len(curves)} rows in curves.csv, {len(seconds)} in "
+            f"curves.seconds.csv and {record['rows']} by curves.json, but these must be the same "
+            "(what wrote them was interrupted): restore it from git, or sweep again."
+        )
+    table = pd.concat([curves, seconds], axis=1)
     parts = {
         named(dict(zip(GRID_COLUMNS, run, strict=True))): rows
         for run, rows in table.groupby(list(GRID_COLUMNS), sort=False)
     }
-    TrainedPolicies(folder / "policies.pt")  # which says what is wrong with the file
-    policies = torch.load(folder / "policies.pt", weights_only=True)["policies"]
+    policies = TrainedPolicies(folder / "policies.pt")._policies
     return Swept(
         folder,
         record,
