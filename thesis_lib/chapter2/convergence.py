@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter2.one_cliff import LEARNERS, Algorithm, layout, task
 from thesis_lib.domains.cliff import members
+from thesis_lib.edition.criteria import EXACT
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.words import number, plus_minus, several
@@ -21,9 +22,6 @@ from thesis_lib.mdp.learning import Learned, learn
 from thesis_lib.mdp.model import TabularMDP
 from thesis_lib.mdp.planning import soft_policy_iteration, solve
 from thesis_lib.stats import mean_ci
-
-EXACT = 1e-9
-"""Exact computations agree when they differ by less."""
 
 
 @dataclass(frozen=True)

@@ -21,13 +21,10 @@ from thesis_lib.chapter2.every_trajectory import (
     trajectories,
     value_gradient,
 )
-from thesis_lib.edition.criteria import exact
+from thesis_lib.edition.criteria import EXACT, exact
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.words import number
-
-EXACT = 1e-9
-"""Exact computations agree when they differ by less."""
 
 DIFFERENCED = 1e-8
 """Central differences agree with an exact slope to this share of it."""

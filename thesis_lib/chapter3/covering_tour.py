@@ -22,6 +22,7 @@ from thesis_lib import potentials
 from thesis_lib.arrays import FloatArray, IntArray
 from thesis_lib.chapter3.runs import NAMES, TabularLearner, total_rewards
 from thesis_lib.domains import Domain
+from thesis_lib.domains.cliff import MOVES
 from thesis_lib.edition.criteria import Pair, ordered
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
@@ -29,9 +30,6 @@ from thesis_lib.mdp import TabularMDP
 from thesis_lib.potentials.cross_task_policy import gradient_ascent
 from thesis_lib.potentials.cross_task_problem import CrossTaskProblem
 from thesis_lib.stats import Summary, mean_ci
-
-MOVES = ((0, 1), (1, 0), (0, -1), (-1, 0))
-"""N, E, S, W."""
 
 
 def empty_room(size: int, discount: float) -> Domain:

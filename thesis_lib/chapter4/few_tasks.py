@@ -7,13 +7,10 @@ import pandas as pd
 from scipy.stats import norm
 
 from thesis_lib.chapter4 import figure_4_3, figure_4_4, figure_4_6
-from thesis_lib.chapter4.protocol import gains
+from thesis_lib.chapter4.protocol import FEW, gains
 from thesis_lib.edition.criteria import LEVEL, judged, positive
 from thesis_lib.edition.ledger import Finding, criterion
 from thesis_lib.edition.words import several
-
-FEW = 6
-"""Largest number of tasks that counts as few."""
 
 
 @criterion(

@@ -16,16 +16,13 @@ from thesis_lib.arrays import BoolArray
 from thesis_lib.chapter4 import looks
 from thesis_lib.chapter4.heat_runs import BOOK, SMOKE, Config, by_noise, measure_heat
 from thesis_lib.chapter4.looks import SYMBOLS
-from thesis_lib.chapter4.protocol import Protocol, Selected, ahead, behind, summarise
+from thesis_lib.chapter4.protocol import FEW, Protocol, Selected, ahead, behind, summarise
 from thesis_lib.chapter4.runs import Run
 from thesis_lib.edition.criteria import judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import COLOURS, PRINTED
 from thesis_lib.edition.words import several
-
-FEW = 6
-"""Largest number of tasks that counts as few."""
 
 MANY = 10
 """Smallest number of tasks that counts as many."""

@@ -33,6 +33,9 @@ Flat = Literal["limit", "unsure"]
 
 METHODS = ("fs-tek", "ibkr", "jackknife", "fixed", "random", "none", "constant")
 
+FEW = 6
+"""Largest number of tasks that counts as few."""
+
 
 def level(value: Level) -> float | Callable[[int], float]:
     """The level as a selector wants it."""

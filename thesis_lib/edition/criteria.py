@@ -22,7 +22,7 @@ LEVEL = 0.05
 """Significance below which a difference counts."""
 
 EXACT = 1e-9
-"""Relative difference below which numbers computed in double precision count as equal."""
+"""Difference, often relative, below which results in double precision count as equal."""
 
 
 @dataclass(frozen=True)
