@@ -20,7 +20,9 @@ from thesis_lib.policies import ARCHITECTURES, CTRNN, ESN, FeedforwardPolicy
 from thesis_lib.training import checkpoint, parts
 from thesis_lib.training import config as settings
 from thesis_lib.training import run as running
+from thesis_lib.training.checkpoint import code_digest
 from thesis_lib.training.config import TrainConfig, step_size
+from thesis_lib.training.curves import made
 from thesis_lib.training.parts import make_batch_task, make_run_policy
 from thesis_lib.training.run import CURVE_COLUMNS, TIMING_COLUMNS, Training, TrainingStopped
 from thesis_lib.training.train import TerminalReport, default_directory, train
@@ -374,6 +376,49 @@ def test_a_run_of_other_code_or_versions_is_not_gone_on_with(
         train(config, tmp_path)
     assert Training.load(tmp_path).iteration == 1
     same(train(config, tmp_path, any_version=True), train(config))
+
+
+def test_who_made_a_run_stays_known(tmp_path: Path) -> None:
+    config = TrainConfig(**SMALL)
+    train(config, tmp_path)
+
+    def record() -> dict[str, Any]:
+        found: dict[str, Any] = json.loads((tmp_path / "run.json").read_text())
+        return found
+
+    def of_another_commit(**changes: Any) -> None:
+        content = torch.load(tmp_path / "checkpoint.pt", weights_only=True)
+        content["made_by"]["commit"] = "0123456789ab"
+        torch.save(content | changes, tmp_path / "checkpoint.pt")
+
+    now = record()["commit"]
+    of_another_commit()
+    for iterations in (3, 4):  # nothing left to do, and one more by the same code
+        train(dataclasses.replace(config, iterations=iterations), tmp_path)
+        assert record()["commit"] == "0123456789ab"
+    of_another_commit(made_with={"code": "other"})
+    longer = dataclasses.replace(config, iterations=4)
+    train(longer, tmp_path, any_version=True)
+    assert record()["commit"] == "0123456789ab"
+    with pytest.raises(ValueError, match="was made with code other"):
+        train(longer, tmp_path)
+    train(dataclasses.replace(config, iterations=5), tmp_path, any_version=True)
+    assert record()["commit"] == now
+    assert record()["continued_from"]["commit"] == "0123456789ab"
+    assert made(record())["continued_from"] == record()["continued_from"]
+
+
+def test_a_checkpoint_of_before_its_maker_was_kept_is_gone_on_with(tmp_path: Path) -> None:
+    config = TrainConfig(**SMALL)
+    train(config, tmp_path)
+    content = torch.load(tmp_path / "checkpoint.pt", weights_only=True)
+    del content["made_by"]
+    torch.save(content, tmp_path / "checkpoint.pt")
+    longer = dataclasses.replace(config, iterations=4)
+    same(train(longer, tmp_path), train(longer))
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert record["code"] == code_digest()
+    assert "continued_from" not in record
 
 
 def test_the_code_digest_sees_every_module_that_decides_a_run(

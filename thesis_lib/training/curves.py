@@ -238,7 +238,8 @@ def _one_sample(values: np.ndarray, centre: float, alternative: str) -> float:
 
 def made(found: Mapping[str, Any]) -> dict[str, Any]:
     """What a run's record says made it."""
-    return {k: found[k] for k in ("code", "commit", "python", "versions", "machine") if k in found}
+    kept = ("code", "commit", "python", "versions", "machine", "continued_from")
+    return {name: found[name] for name in kept if name in found}
 
 
 def write(

@@ -211,9 +211,9 @@ class Training:
             ) from error
 
     @cached_property
-    def _made_by(self) -> dict[str, Any]:
-        """Code, versions and commit when the run was first saved: a later commit is not theirs."""
-        return {"code": code_digest(), **environment()}
+    def _made(self) -> dict[str, Any]:
+        """What made the run, by its state when it was first saved: a later commit is not its."""
+        return {"made_with": made_with(), "made_by": {"code": code_digest(), **environment()}}
 
     def _save(self, folder: Path) -> Path:
         content = {
@@ -225,7 +225,7 @@ class Training:
             **self._learner_state(),
             "rows": self.rows,
             "best": None if self.best is None else vars(self.best),
-            "made_with": made_with(),
+            **self._made,
         }
         path = folder / "checkpoint.pt"
         # In this order: what the record says is done is in the checkpoint.
@@ -238,7 +238,7 @@ class Training:
             "parameters": self.policy.n_trainable,
             "iteration": self.iteration,
             "columns": dict(CURVE_COLUMNS),
-            **self._made_by,
+            **self._made["made_by"],
         }
         write_json(folder / "run.json", record)
         return path
@@ -311,3 +311,14 @@ class Training:
         whole = (r for r in self.rows if isinstance(r, dict) and "steps" in r)
         if [r.get("iteration") for r in whole] != list(range(1, self.iteration + 1)):
             raise foreign(path, f"another curve than that of its {self.iteration} iterations")
+        self._take_up_makers(content)
+
+    def _take_up_makers(self, content: Mapping[str, Any]) -> None:
+        """Keep what made the run; what goes on with it in another version is named besides."""
+        known = {name: content[name] for name in ("made_with", "made_by") if name in content}
+        same = known.get("made_with") == made_with()
+        if "made_by" in known and (same or self.iteration == self.config.iterations):
+            self._made = known
+        elif not same:
+            # Checkpoints were without the commit at first.
+            self._made["made_by"]["continued_from"] = known.get("made_by", known.get("made_with"))
