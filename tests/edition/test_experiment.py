@@ -4,6 +4,8 @@ import dataclasses
 import json
 import os
 import re
+import threading
+import time
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -90,6 +92,25 @@ def test_a_write_that_fails_leaves_the_old_file_and_no_half_one(tmp_path):
         interrupted()
     assert target.read_text() == "old"
     assert list(tmp_path.iterdir()) == [target]
+
+
+def test_two_at_once_leave_the_table_of_one_with_its_own_record(tmp_path, monkeypatch):
+    results = [EXPERIMENT.run("smoke", seed=seed) for seed in (1, 2)]
+    write_json, at_the_record = base.write_json, threading.Event()
+
+    def slowly(path, value):
+        at_the_record.set()
+        time.sleep(0.5 * (value["seed"] == 1))
+        write_json(path, value)
+
+    monkeypatch.setattr(base, "write_json", slowly)
+    first = threading.Thread(target=results[0].save, args=(tmp_path,))
+    first.start()
+    assert at_the_record.wait(60)
+    results[1].save(tmp_path)
+    first.join()
+    table, provenance = base.load("toy", tmp_path)
+    pd.testing.assert_frame_equal(table, results[provenance["seed"] - 1].table)
 
 
 def test_columns_must_be_documented():

@@ -1,11 +1,17 @@
 """Verdicts over roots: counted, resumed, exact where nothing is drawn."""
 
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
 from dataclasses import dataclass, replace
 
 import pandas as pd
 import pytest
 
-from tests.surroundings import python
+from tests.surroundings import ROOT, python
 from thesis_lib.book import ledger
 from thesis_lib.edition import chapters, roots
 from thesis_lib.edition import experiment as base
@@ -129,6 +135,40 @@ def test_verdicts_of_other_claims_stay(tmp_path):
     assert len(pd.read_csv(file)) == 2 + 2 + 1
 
 
+def test_two_at_once_lose_no_verdict(tmp_path, monkeypatch):
+    file = tmp_path / "verdicts.csv"
+    every, read = judged(tmp_path, 2), roots.read_csv
+    roots.save(every[:1], "book", file)
+
+    def slowly(file):
+        found = read(file)
+        time.sleep(0.3)
+        return found
+
+    with monkeypatch.context() as patched:
+        patched.setattr(roots, "read_csv", slowly)
+        hands = [threading.Thread(target=roots.save, args=([j], "book", file)) for j in every[1:]]
+        for hand in hands:
+            hand.start()
+        for hand in hands:
+            hand.join()
+    assert set(roots.read(file)) == {"often", "seldom", "sure"}
+    assert {path.name for path in tmp_path.iterdir()} == {"work", file.name}
+
+
+def test_a_verdict_is_of_the_code_and_the_runs_as_they_were_before_its_tables(
+    tmp_path, monkeypatch
+):
+    """A run that is committed meanwhile, and was not read, makes the verdict an earlier one."""
+    now = ["before"]
+    monkeypatch.setattr(roots, "code_of_claim", lambda claim, budget: now[0])
+    found = roots.judge_over(
+        CLAIMS, 2, budget="book", work=tmp_path, say=lambda line: now.__setitem__(0, "after")
+    )
+    over = roots.save(found, "book", tmp_path / "verdicts.csv")
+    assert {one.code for one in over.values()} == {"before"}
+
+
 def test_smoke_judges_nothing(tmp_path):
     found = roots.save(judged(tmp_path, 2, "smoke"), "smoke", tmp_path / "verdicts.csv")
     assert {over.verdict for over in found.values()} == {Verdict.INCONCLUSIVE}
@@ -207,6 +247,77 @@ def test_a_script_without_a_guard_says_what_it_lacks(tmp_path):
     assert "the processes that are to work could not be started: a script" in done.stderr
     assert "ForeseenError: a process ended before" in done.stderr
     assert 'under `if __name__ == "__main__":`' in done.stderr.splitlines()[-1]
+
+
+KILLED = """
+import sys, time
+from pathlib import Path
+from types import SimpleNamespace
+from thesis_lib import cli
+from thesis_lib.edition import roots
+
+HERE = Path(__file__).parent
+toys = {name: SimpleNamespace(seconds=60.0) for name in ("first", "second")}
+roots._experiments = lambda: toys
+roots._settings = lambda experiment, budget: experiment
+
+def work(jobs):
+    if jobs[0].experiment == "second":
+        (HERE / "working").touch()
+        time.sleep(600)
+    return []  # so that one of the two processes is idle
+
+roots._do = work
+jobs = [roots.Job(name, 1, "book", HERE, "") for name in ("first", "second")]
+cli.Claims.__call__ = lambda self: roots.make(jobs, 2, print)
+if __name__ == "__main__":
+    sys.exit(cli.main(["claims"]))
+(HERE / "starting").touch()
+time.sleep(1)
+"""
+
+
+@pytest.mark.parametrize(
+    ("moment", "number"),
+    [("starting", signal.SIGINT), ("working", signal.SIGTERM), ("working", signal.SIGKILL)],
+)
+def test_a_command_that_is_stopped_takes_its_processes_with_it(tmp_path, moment, number):
+    script = tmp_path / "killed.py"
+    script.write_text(KILLED)
+    process = subprocess.Popen(
+        [sys.executable, str(script)],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    try:
+        deadline = time.monotonic() + 300
+        while not (tmp_path / moment).exists():
+            assert process.poll() is None and time.monotonic() < deadline
+            time.sleep(0.05)
+        time.sleep(0.5)  # so that the other process is idle
+        if number == signal.SIGINT:
+            os.killpg(process.pid, number)  # as a terminal does
+        else:
+            process.send_signal(number)
+        _, error = process.communicate(timeout=40)  # returns when all its processes have ended
+    finally:
+        if process.poll() is None or number == signal.SIGKILL:
+            _end(process.pid)
+    assert "Traceback" not in error
+    assert process.returncode == (-number if number == signal.SIGKILL else 128 + number)
+    if number != signal.SIGKILL:
+        assert error == "thesis: interrupted; no file was left half written.\n"
+
+
+def _end(group):
+    """End what is left of a group of processes."""
+    try:
+        os.killpg(group, signal.SIGKILL)
+    except ProcessLookupError:
+        pass
 
 
 def test_figures_of_one_protocol_are_made_by_one_process_in_turn(tmp_path, known):

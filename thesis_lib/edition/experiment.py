@@ -24,7 +24,7 @@ from thesis_lib.checks import check_seed, plain, shown
 from thesis_lib.edition.budgets import BUDGETS, check_budget
 from thesis_lib.edition.context import Context
 from thesis_lib.edition.rows import Returns, columns_of, returns, table_of
-from thesis_lib.files import replacing, writable_directory, write_json
+from thesis_lib.files import alone, replacing, writable_directory, write_json
 from thesis_lib.surroundings import own_settings
 
 __all__ = [
@@ -270,14 +270,15 @@ class Result:
         large = len(self.table) > ROWS_IN_CSV
         path = folder / f"{self.experiment.id}.{'parquet' if large else 'csv'}"
         stale = path.with_suffix(".csv" if large else ".parquet")
-        with replacing(path) as temporary:
-            if large:
-                self.table.to_parquet(temporary, index=False)
-            else:
-                self.table.to_csv(temporary, index=False)
         record = {**self.provenance, "table": path.name}
-        write_json(folder / f"{self.experiment.id}.json", record)
-        stale.unlink(missing_ok=True)
+        with alone(folder):  # another's record would not be that of this table
+            with replacing(path) as temporary:
+                if large:
+                    self.table.to_parquet(temporary, index=False)
+                else:
+                    self.table.to_csv(temporary, index=False)
+            write_json(folder / f"{self.experiment.id}.json", record)
+            stale.unlink(missing_ok=True)
         return path
 
 

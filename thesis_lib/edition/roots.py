@@ -15,13 +15,17 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import os
+import signal
+import threading
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +38,7 @@ from thesis_lib.edition import chapters
 from thesis_lib.edition.experiment import Experiment, load, read_csv
 from thesis_lib.edition.ledger import Claim, Finding, OverRoots, Verdict, finding
 from thesis_lib.edition.reach import digest, place
-from thesis_lib.files import replacing, writable_directory
+from thesis_lib.files import alone, replacing, writable_directory
 
 COLUMNS = ("claim", "root", "verdict", "budget", "numbers", "code", "commit")
 """Of ``verdicts.csv``.  Root 0 stands for evidence that is exact; ``numbers`` are those that
@@ -151,7 +155,8 @@ def make(jobs: Sequence[Job], workers: int, say: Callable[[str], None]) -> None:
             report(job(), done)
         return
     pool = _pool(workers)
-    waiting = {pool.submit(_do, jobs) for jobs in _in_turn(missing)}
+    with _deaf():
+        waiting = {pool.submit(_do, jobs) for jobs in _in_turn(missing)}
     done = 0
     try:
         while waiting:
@@ -161,6 +166,8 @@ def make(jobs: Sequence[Job], workers: int, say: Callable[[str], None]) -> None:
                 report(job, done)
     except BaseException as error:
         _pool.cache_clear()
+        for process in list(pool._processes.values()):
+            process.terminate()
         pool.shutdown(cancel_futures=True)
         if not isinstance(error, BrokenProcessPool):
             raise
@@ -177,7 +184,31 @@ def _pool(workers: int) -> ProcessPoolExecutor:
     from thesis_lib.training.cluster import check_guard  # takes a second to import
 
     check_guard()
-    return ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+    return ProcessPoolExecutor(
+        workers, mp_context=get_context("spawn"), initializer=_end_with_parent
+    )
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Have processes that start within this block leave Ctrl-C to the one that starts them."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _end_with_parent() -> None:
+    """End this process as soon as the one that started it has ended, however that did."""
+    parent = parent_process()
+
+    def watch() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 # ------------------------------------------------------------------------------ code
@@ -196,10 +227,11 @@ def code_of_claim(claim: Claim, budget: str) -> str:
 # ------------------------------------------------------------------------------ verdicts
 @dataclass(frozen=True)
 class Judged:
-    """A claim's findings by root, the first of them first."""
+    """A claim's findings by root, the first of them first, and the code before they were made."""
 
     claim: Claim
     findings: Mapping[int, Finding]
+    code: str
 
 
 def parts(claims: Iterable[Claim], together: float = 0.0) -> list[list[Claim]]:
@@ -283,6 +315,8 @@ def judge_over(
     needed = dict.fromkeys(e for claim in claims for e in claim.experiments)
     known = sorted((_experiments()[e] for e in needed), key=lambda e: -float(e.seconds))
     codes = {e.id: code_of_table(e, budget) for e in known}
+    # A run that is committed while tables are made may be one that they did not read.
+    judged_by = {claim.id: code_of_claim(claim, budget) for claim in claims}
 
     found: dict[str, dict[int, Finding]] = {claim.id: {} for claim in claims}
     stochastic: set[str] = set()
@@ -312,7 +346,7 @@ def judge_over(
             for root in group if drawn else [0] if 1 in group else []:
                 tables = {e: table(e, root) for e in claim.experiments}
                 found[claim.id][root] = finding(claim, tables, budget)
-    return [Judged(claim, found[claim.id]) for claim in claims]
+    return [Judged(claim, found[claim.id], judged_by[claim.id]) for claim in claims]
 
 
 def _decided(findings: Mapping[int, Finding], least: int, roots: int) -> bool:
@@ -327,21 +361,21 @@ def save(judged: Sequence[Judged], budget: str, file: Path) -> dict[str, OverRoo
     """Write verdicts beside those of other claims in a file, and return what they come to."""
     state, rows = commit(), []
     for j in judged:
-        code = code_of_claim(j.claim, budget)
         evidence = budget if j.claim.experiments else "exact"
         rows += [
-            (j.claim.id, root, str(f.verdict), evidence, _rounded(f.numbers), code, state)
+            (j.claim.id, root, str(f.verdict), evidence, _rounded(f.numbers), j.code, state)
             for root, f in j.findings.items()
         ]
     table = pd.DataFrame(rows, columns=list(COLUMNS))
     mine = over_roots(table)
     writable_directory(file.parent)
-    if file.is_file():
-        others = read_csv(file)
-        table = pd.concat([others[~others.claim.isin(mine)], table])
-    table = table.sort_values(["claim", "root"], kind="stable")
-    with replacing(file) as temporary:
-        table.to_csv(temporary, index=False)
+    with alone(file.parent):
+        if file.is_file():
+            others = read_csv(file)
+            table = pd.concat([others[~others.claim.isin(mine)], table])
+        table = table.sort_values(["claim", "root"], kind="stable")
+        with replacing(file) as temporary:
+            table.to_csv(temporary, index=False)
     return mine
 
 
