@@ -28,7 +28,7 @@ from thesis_lib.training.grid import GRID, GRID_COLUMNS, Grid, key, run_name
 from thesis_lib.training.merge import merge
 from thesis_lib.training.plan import CORES, cost, makespan, memory, plan
 from thesis_lib.training.store import Store
-from thesis_lib.training.suite import SuiteConfig, best, check_rule, evaluate_all
+from thesis_lib.training.suite import SuiteConfig, best, check_kept, check_rule, evaluate_all
 from thesis_lib.training.suite import write as write_tests
 from thesis_lib.training.train import TerminalReport, default_directory, train
 from thesis_lib.training.trained import Trained, TrainedPolicies, read_trained
@@ -229,6 +229,8 @@ class TestPolicies:
         check_rule(self.rule)
         out = writable_directory(self.out or repository_root() / "_build" / "results" / "tests")
         names = self.names or None
+        if names is not None:
+            check_kept(self.store, names, out)
         table = evaluate_all(
             self.store, config, names=names, workers=self.workers, scheduler=self.scheduler
         )

@@ -3,20 +3,31 @@
 import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 import torch
 from distributed import Client
+from distributed.scheduler import KilledWorker
 from scipy import stats
 
 from thesis_lib import cli
+from thesis_lib.checks import ForeseenError
+from thesis_lib.training import suite
 from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.curves import LAST, write
 from thesis_lib.training.evaluation import EvaluateConfig, acting, evaluate
 from thesis_lib.training.grid import Grid, run_name
-from thesis_lib.training.suite import BEST_COLUMNS, COLUMNS, SuiteConfig, best, evaluate_all
+from thesis_lib.training.suite import (
+    BEST_COLUMNS,
+    COLUMNS,
+    SuiteConfig,
+    best,
+    evaluate_all,
+    policies_in,
+)
 from thesis_lib.training.train import train
 from thesis_lib.training.trained import read_trained
 
@@ -177,6 +188,24 @@ def test_tests_say_what_was_done_to_the_net(store: Path) -> None:
     assert set(table.intervention) == {"no memory, input filter"}
 
 
+def test_a_worker_that_dies_again_and_again_is_one_sentence(
+    store: Path, client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def died(*arguments: object) -> None:
+        raise KilledWorker("test", SimpleNamespace(address="a worker"), 3)
+
+    monkeypatch.setattr(suite, "_test", died)
+    name = run_name(CONFIGS[0])
+    with pytest.raises(ForeseenError, match=f"while it tested '{name}', as for want of memory"):
+        evaluate_all(store / "runs", FEW, names=[name], scheduler=client)
+
+
+def test_a_file_of_policies_that_is_written_anew_is_read_anew(store: Path, tmp_path: Path) -> None:
+    for configs in (CONFIGS[:1], CONFIGS[:2]):
+        write(configs, store / "runs", tmp_path, command="thesis sweep")
+        assert policies_in(tmp_path / "policies.pt") == [run_name(c) for c in configs]
+
+
 def test_the_command(store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["--runs", "2", "--steps", "20", "--conditions", "base", "hill"]
     out = ["--out", str(tmp_path / "out"), "--workers", "1"]
@@ -185,9 +214,15 @@ def test_the_command(store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
     assert len(table) == len(CONFIGS) * 2 * 2
     assert (tmp_path / "out" / "tests.json").exists()
     assert "HalfCheetah" in capsys.readouterr().out
-    some = ["--names", "*-ffwd-*", run_name(CONFIGS[2])]
-    assert cli.main(["test-policies", str(store / "runs"), *some, *arguments, *out]) == 0
-    found = set(pd.read_parquet(tmp_path / "out" / "tests.parquet").run)
+    some = ["test-policies", str(store / "runs"), *arguments]
+    some += ["--names", "*-ffwd-*", run_name(CONFIGS[2])]
+    assert cli.main([*some, *out]) == 2
+    error = capsys.readouterr().err
+    assert f"of other policies, such as {run_name(CONFIGS[3])}, and would lose 1 of them" in error
+    assert len(pd.read_parquet(tmp_path / "out" / "tests.parquet")) == len(table)
+    for _ in range(2):  # the tests of the same policies may be replaced
+        assert cli.main([*some, "--out", str(tmp_path / "some"), "--workers", "1"]) == 0
+    found = set(pd.read_parquet(tmp_path / "some" / "tests.parquet").run)
     assert found == {run_name(CONFIGS[i]) for i in (0, 1, 2)}
     capsys.readouterr()
     assert cli.main(["test-policies", str(store / "runs"), "--names", "swimmer-*"]) == 2

@@ -16,7 +16,7 @@ import pandas as pd
 from tqdm import tqdm
 
 from thesis_lib.checkout import environment
-from thesis_lib.checks import plain_settings
+from thesis_lib.checks import ForeseenError, plain_settings
 from thesis_lib.files import replacing, writable_directory, write_json
 from thesis_lib.locomotion import BatchTask
 from thesis_lib.training.disturbances import Disturbances
@@ -26,7 +26,7 @@ from thesis_lib.training.store import Store
 from thesis_lib.training.trained import Trained, TrainedPolicies, read_trained
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, Future
 
 CONDITIONS: Mapping[str, str] = {
     "base": "flat ground, nothing else",
@@ -213,11 +213,39 @@ def evaluate_all(
         try:
             with tqdm(total=len(names), disable=None, leave=False) as bar:
                 for future in as_completed(futures):
-                    found[futures[future]] = future.result()
+                    found[futures[future]] = _result(future, futures[future])
                     bar.update()
         finally:
             client.cancel(list(futures))
     return pd.concat([found[name] for name in names], ignore_index=True)
+
+
+def _result(future: Future, name: str) -> pd.DataFrame:
+    """The tests of one policy that have ended."""
+    from distributed.scheduler import KilledWorker
+
+    try:
+        table: pd.DataFrame = future.result()
+    except KilledWorker as error:
+        raise ForeseenError(
+            f"a worker process died again and again while it tested {name!r}, as for want of "
+            "memory: give the command again with fewer --workers."
+        ) from error
+    return table
+
+
+def check_kept(place: Path | str, names: Sequence[str], out: Path | str) -> None:
+    """Raise ValueError where tests of other policies than these are in a directory."""
+    file = Path(out) / "tests.parquet"
+    if not file.is_file():
+        return
+    kept = _named(names, policies_in(place))
+    lost = [run for run in pd.read_parquet(file, columns=["run"]).run.unique() if run not in kept]
+    if lost:
+        raise ValueError(
+            f"{str(out)!r} holds tests of other policies, such as {lost[0]}, and would lose "
+            f"{len(lost)} of them: choose another --out, or name them too (--names)."
+        )
 
 
 def _named(patterns: Sequence[str], known: Sequence[str]) -> list[str]:
@@ -274,8 +302,12 @@ def _is_file(place: Path | str) -> bool:
     return "://" not in str(place) and Path(place).is_file()
 
 
-@lru_cache(maxsize=1)
 def _file(place: Path | str) -> TrainedPolicies:
+    return _read_file(place, Path(place).stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=1)
+def _read_file(place: Path | str, written: int) -> TrainedPolicies:
     return TrainedPolicies(place)
 
 
