@@ -182,6 +182,17 @@ def test_installed_command_helps():
     assert {"list", "run", "claims", "book"} <= set(done.stdout.replace("•", " ").split())
 
 
+def test_an_option_s_value_is_not_taken_for_the_experiment(capsys):
+    for arguments, told in (
+        (["figure-3.3", "--budget", "smoke"], "usage: thesis run figure-3.3 "),
+        (["--budget", "smoke", "figure-3.3"], "usage: thesis run [-h] "),
+    ):
+        with pytest.raises(SystemExit) as end:
+            cli.main(["run", *arguments, "--help"])
+        assert end.value.code == 0
+        assert told in capsys.readouterr().out
+
+
 # ------------------------------------------------------------------------------ surroundings
 SLOW = {"pandas", "scipy", "numba", "torch", "mujoco", "matplotlib"}
 

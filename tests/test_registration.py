@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from thesis_lib import registration
+from thesis_lib import cli, registration
 from thesis_lib.domains import environments
 from thesis_lib.locomotion import BatchTask, robots
 from thesis_lib.locomotion.rendering import View, film, portrait
@@ -167,9 +167,14 @@ def test_a_robot_without_a_view_of_its_own_is_seen_from_the_side(package):
     np.testing.assert_array_equal(film("Pogo", at_start, **size)[0], hopper)
 
 
-def test_a_package_that_cannot_be_loaded_is_named(package):
+def test_a_package_that_cannot_be_loaded_is_named(package, tmp_path, capsys):
     with pytest.raises(ImportError, match="architecture 'broken' is offered as my_package:absent"):
         make_policy("broken", 4, 2, dt=0.1)
+    out = tmp_path / "run"
+    assert cli.main(["train", "--architecture", "broken", "--out", str(out)]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("thesis: architecture 'broken' is offered as my_package:absent")
+    assert error.count("\n") == 1
 
 
 def test_two_packages_with_one_name_are_refused(package):

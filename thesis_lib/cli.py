@@ -302,8 +302,8 @@ def _main(arguments: list[str]) -> int:
     """Carry out a command line; every failure that is foreseen is one sentence."""
     try:
         if arguments[:1] == ["run"] and len(arguments) > 2 and {"-h", "--help"} & set(arguments):
-            named = next((a for a in arguments[1:] if not a.startswith("-")), None)
-            if named:
+            named = arguments[1]  # after an option its value would be taken for the experiment
+            if not named.startswith("-"):
                 return Run(named)(["--help"])
         late: dict[str, type] = dict.fromkeys(_LATE, _Late)
         if arguments[:1] and arguments[0] in _LATE:
@@ -332,7 +332,7 @@ def _main(arguments: list[str]) -> int:
     except (ValueError, FileNotFoundError) as error:
         print(f"thesis: {error}", file=sys.stderr)
         return 2
-    except (ForeseenError, FloatingPointError) as error:
+    except (ForeseenError, FloatingPointError, ImportError) as error:
         print(f"thesis: {error}", file=sys.stderr)
         return 1
     except BrokenPipeError:
