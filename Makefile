@@ -69,6 +69,7 @@ serve:  ## serve the built book at http://localhost:8000 (or PORT=...)
 	@echo "Serving the book at http://localhost:$(PORT)/ (Ctrl-C stops it)."
 	@$(RUN) http.server --bind 127.0.0.1 --directory _build/html $(PORT)
 
-clean:  ## remove everything that was built; .venv stays
-	rm -rf _build build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+clean:  ## remove everything that was built; .venv and runs (_build/runs) stay
+	test ! -d _build || find _build -mindepth 1 -maxdepth 1 ! -name runs -exec rm -rf {} +
+	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find thesis_lib tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
-from thesis_lib.book.films import FOLDER, Film, film_markdown, listed
+import pytest
+
+from thesis_lib.book.films import FOLDER, Film, film_markdown, listed, main
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -20,3 +22,8 @@ def test_a_film_can_be_stopped_is_silent_and_is_told_in_words() -> None:
     assert 'poster="../_static/films/run.jpg"' in page
     assert 'aria-label="It &quot;runs&quot;."' in page
     assert "autoplay" not in page
+
+
+def test_a_film_that_there_is_not_is_named() -> None:
+    with pytest.raises(SystemExit, match=r"there is no film 'nope': choose among \w+"):
+        main(["nope"])

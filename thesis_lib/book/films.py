@@ -9,7 +9,7 @@ import dataclasses
 import html
 import sys
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -131,9 +131,17 @@ def film_markdown(film: Film, *, moving: bool = False) -> str:
 ```"""
 
 
-if __name__ == "__main__":
+def main(names: Sequence[str]) -> None:
+    """Make the films of these names, all without any; SystemExit tells of one there is not."""
     checkout = repository_root()
-    for wanted in listed(checkout):
-        if not sys.argv[1:] or wanted.name in sys.argv[1:]:
-            made = make(wanted, checkout)
-            print(f"{made}: {made.stat().st_size / 1e3:.0f} kB", flush=True)
+    films = {film.name: film for film in listed(checkout)}
+    for name in names:
+        if name not in films:
+            sys.exit(f"there is no film {name!r}: choose among {', '.join(films)}.")
+    for name in names or films:
+        made = make(films[name], checkout)
+        print(f"{made}: {made.stat().st_size / 1e3:.0f} kB", flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

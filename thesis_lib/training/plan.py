@@ -39,16 +39,6 @@ SMALL_BATCH = 22_400
 CORES = (2, 64, 1000)
 """Numbers of cores a plan gives the time for."""
 
-PLAN_COLUMNS: Mapping[str, str] = {
-    "task": "robot",
-    "terrain": "flat or hill",
-    "runs": "runs, finished ones left out",
-    "core_hours": "processor hours of them all",
-    "longest_hours": "processor hours of the longest of them",
-    "memory_gb": "gigabytes the largest of them takes",
-}
-"""Meaning and unit of each column of :func:`plan`."""
-
 
 def cost(config: TrainConfig) -> float:
     """About how many processor seconds a run takes from its first iteration to its last.
@@ -77,7 +67,8 @@ def plan(configs: Sequence[TrainConfig]) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        Columns as in :data:`PLAN_COLUMNS`, one row a task and terrain.
+        One row a task and terrain: how many ``runs``, processor hours of all (``core_hours``) and
+        of the longest (``longest_hours``), gigabytes of the largest (``memory_gb``).
     """
     runs = pd.DataFrame(
         {
