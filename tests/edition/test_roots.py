@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import pandas as pd
@@ -295,7 +296,8 @@ def test_a_command_that_is_stopped_takes_its_processes_with_it(tmp_path, moment,
     try:
         deadline = time.monotonic() + 300
         while not (tmp_path / moment).exists():
-            assert process.poll() is None and time.monotonic() < deadline
+            assert process.poll() is None
+            assert time.monotonic() < deadline
             time.sleep(0.05)
         time.sleep(0.5)  # so that the other process is idle
         if number == signal.SIGINT:
@@ -304,20 +306,12 @@ def test_a_command_that_is_stopped_takes_its_processes_with_it(tmp_path, moment,
             process.send_signal(number)
         _, error = process.communicate(timeout=40)  # returns when all its processes have ended
     finally:
-        if process.poll() is None or number == signal.SIGKILL:
-            _end(process.pid)
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)  # what is left, if any
     assert "Traceback" not in error
     assert process.returncode == (-number if number == signal.SIGKILL else 128 + number)
     if number != signal.SIGKILL:
         assert error == "thesis: interrupted; no file was left half written.\n"
-
-
-def _end(group):
-    """End what is left of a group of processes."""
-    try:
-        os.killpg(group, signal.SIGKILL)
-    except ProcessLookupError:
-        pass
 
 
 def test_figures_of_one_protocol_are_made_by_one_process_in_turn(tmp_path, known):
