@@ -49,6 +49,8 @@ def saved(directory, values, budget="book"):
 def test_verdict_comes_from_the_table(tmp_path):
     saved(tmp_path, [1.0, 2.0])
     assert ledger.judge(CLAIM, tmp_path).finding == Finding(Verdict.REPRODUCED, "mean 1.5")
+    small = replace(CLAIM, judge=lambda tables: Finding(Verdict.REFUTED, "mean 3e-7"))
+    assert ledger.judge(small, tmp_path).finding.evidence == "mean 3 × 10⁻⁷"
     saved(tmp_path, [-1.0, -2.0])
     assert ledger.judge(CLAIM, tmp_path).finding.verdict is Verdict.NOT_REPRODUCED
 

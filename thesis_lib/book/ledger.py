@@ -38,8 +38,7 @@ _CHAPTERS = {
 def quoted(judged: Iterable[Judgement]) -> str:
     """Verdict and evidence of every claim by id, as JSON, for the roles of other pages."""
     verdicts = {
-        j.claim.id: {"verdict": j.in_words(), "evidence": brief(plain(j.finding.evidence))}
-        for j in judged
+        j.claim.id: {"verdict": j.in_words(), "evidence": brief(j.finding.evidence)} for j in judged
     }
     return json.dumps(verdicts, indent=1, ensure_ascii=False) + "\n"
 

@@ -345,9 +345,8 @@ def judge(claim: Claim, results: Path | str) -> Judgement:
         tables[identifier], provenance = deepest(*load(identifier, results))
         budgets.add(provenance["budget"])
     budget = ", ".join(sorted(budgets)) or "exact"
-    if "smoke" in budgets:
-        return Judgement(claim, NO_MEANING, budget)
-    return Judgement(claim, claim.judge(tables), budget)
+    found = finding(claim, tables, "smoke" if "smoke" in budgets else budget)
+    return Judgement(claim, found, budget)
 
 
 def finding(claim: Claim, tables: Tables, budget: str) -> Finding:

@@ -41,7 +41,6 @@ from thesis_lib.edition.ledger import (
     Finding,
     Judgement,
     OverRoots,
-    Verdict,
     finding,
 )
 from thesis_lib.edition.plots import use_style
@@ -347,8 +346,7 @@ class Page:
         It is the one over roots where that is committed, with its frequency and with that of
         this page's tables if they say another; else the latter.
         """
-        words = self._judged(claim).in_words()
-        return "still to be run" if words == Verdict.NOT_RUN else words
+        return self._judged(claim).in_words()
 
     def evidence(self, claim: str) -> str:
         """The evidence for the verdict on a claim, in sentences without their longest lists."""
