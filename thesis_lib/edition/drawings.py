@@ -1,12 +1,10 @@
 """Pictures of example tasks: figures 3.3a and 3.4a, the cliff and the heat domain.
 
-Every function draws into the axes it is given, or makes a figure of its own, and
-returns the axes.
+Every function returns the axes it draws into: those it is given, or those of a new figure.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Literal
 
 import matplotlib.pyplot as plt
@@ -29,6 +27,9 @@ PALE = "#eef3f7"
 EARTH = "#8a6d5a"
 NODE = 0.3
 """Radius of a drawn state."""
+
+REACH = 0.34
+"""How far an arrow from a state to itself goes from it."""
 
 Point = tuple[float, float]
 Line = Literal["-", "--", ":"]
@@ -102,16 +103,14 @@ def loop(
     *,
     style: Line = "-",
     colour: str = INK,
-    radius: float = NODE,
     label: str = "",
-    reach: float = 0.34,
 ) -> None:
     """An arrow from a node to itself, on the side of the direction ``towards``."""
     out = np.array(towards, dtype=float) / np.hypot(*towards)
     across = np.array([-out[1], out[0]])
-    centre = np.array(at) + (radius + 0.55 * reach) * out
+    centre = np.array(at) + (NODE + 0.55 * REACH) * out
     turn = np.linspace(-0.80 * np.pi, 0.80 * np.pi, 121)
-    size = 0.62 * reach
+    size = 0.62 * REACH
     curve = centre + size * (np.outer(np.cos(turn), out) + np.outer(np.sin(turn), across))
     _draw(ax, curve, 6, style, colour)
     if label:
@@ -131,7 +130,6 @@ def draw_cliff(
     *,
     policy: ArrayLike | None = None,
     values: ArrayLike | None = None,
-    path: Sequence[int] | None = None,
     ax: Axes | None = None,
 ) -> Axes:
     """One cliff task as a grid.
@@ -145,8 +143,6 @@ def draw_cliff(
         with at least half the probability of the likeliest one.
     values
         One number a state, shape ``(S,)``, written into the cells.
-    path
-        States visited, drawn as a line.
     ax
         Where to draw.
 
@@ -194,9 +190,6 @@ def draw_cliff(
         va="center",
         rotation=0 if y0 == y1 else 90,
     )
-    if path is not None:
-        cells = np.array([layout.cell(s) for s in path], dtype=float) + 0.5
-        ax.plot(*cells.T, color=ORANGE, linewidth=4, alpha=0.7, zorder=3)
     ax.set_xlim(-0.03, n + 0.03)
     ax.set_ylim(-0.03, n + 0.03)
     return ax
@@ -253,67 +246,29 @@ def draw_triangle(layout: TriangleLayout, *, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def draw_stock(
-    task: StockMDP,
-    *,
-    state: int | None = None,
-    sector_names: Sequence[str] = (),
-    global_names: Sequence[str] = (),
-    ax: Axes | None = None,
-) -> Axes:
-    """One stock task (figure 3.4a): which stocks and globals influence which sector.
-
-    Parameters
-    ----------
-    task
-        The task.
-    state
-        If given, its bits are written into the boxes and owned sectors are framed.
-    sector_names, global_names
-        Names in place of ``s1`` and ``g1``.
-    ax
-        Where to draw.
-
-    Returns
-    -------
-    Axes
-    """
+def draw_stock(task: StockMDP) -> Axes:
+    """One stock task (figure 3.4a): which stocks and globals influence which sector."""
     size = task.size
     S, E, G = size.sectors, size.stocks, size.global_factors
-    ax = blank(ax, max(3.2, 1.9 * max(S, G / 2)), 3.0)
-    bits = None if state is None else size.state_bits[state]
+    ax = blank(None, max(3.2, 1.9 * max(S, G / 2)), 3.0)
     width = max(1.9, 0.8 * E + 0.5)
     x_sector = [i * (width + 0.7) for i in range(S)]
     centre = (x_sector[0] + x_sector[-1] + width) / 2
     for s in range(S):
-        owned = bits is not None and bits[s] == 1
-        ax.add_patch(
-            Rectangle(
-                (x_sector[s], 0), width, 1.75, facecolor=PALE,
-                edgecolor=BLUE if owned else INK, linewidth=3 if owned else 1.0,
-            )
-        )  # fmt: skip
-        title = sector_names[s] if s < len(sector_names) else f"$s_{{{s + 1}}}$"
-        ax.text(
-            x_sector[s] + width / 2, -0.24, title + (", owned" if owned else ""),
-            ha="center", va="center", fontsize=10,
-        )  # fmt: skip
+        box = Rectangle((x_sector[s], 0), width, 1.75, facecolor=PALE, edgecolor=INK, linewidth=1.0)
+        ax.add_patch(box)
+        middle, title = x_sector[s] + width / 2, f"$s_{{{s + 1}}}$"
+        ax.text(middle, -0.24, title, ha="center", va="center", fontsize=10)
         target = (x_sector[s] + width / 2, 1.35)
         node(ax, target, f"$P_{{{s + 1}}}$", face="white", radius=0.24)
         for e in range(E):
             at = (x_sector[s] + (e + 0.5) * width / E, 0.42)
-            label = f"$e_{{{e + 1}}}$"
-            if bits is not None:
-                label += f"\n{bits[S + s * E + e]}"
-            node(ax, at, label, face="white", radius=0.27)
+            node(ax, at, f"$e_{{{e + 1}}}$", face="white", radius=0.27)
             if task.influence[s, e]:
                 arrow(ax, at, target, colour=GREEN, radius=0.27)
     for g in range(G):
         at = (centre + 1.15 * (g - (G - 1) / 2), 2.75)
-        label = global_names[g] if g < len(global_names) else f"$g_{{{g + 1}}}$"
-        if bits is not None:
-            label += f"\n{bits[S + S * E + g]}"
-        node(ax, at, label, face="#fdf3d8", radius=0.33)
+        node(ax, at, f"$g_{{{g + 1}}}$", face="#fdf3d8", radius=0.33)
         style, colour = HELPS if task.rising_helps[g] else HINDERS
         for s in range(S):
             target = (x_sector[s] + width / 2, 1.35)

@@ -18,7 +18,6 @@ from thesis_lib.checkout import environment
 from thesis_lib.checks import check_seed, plain_settings
 from thesis_lib.files import replacing, writable_directory, write_json
 from thesis_lib.locomotion import BatchTask, make_task
-from thesis_lib.locomotion.batch import Perturbation
 from thesis_lib.locomotion.robots import Ground
 from thesis_lib.locomotion.tasks import TEST_HORIZON, Termination
 from thesis_lib.locomotion.terrain import hill_maps
@@ -134,7 +133,6 @@ def idle_settings(config: EvaluateConfig, disturbances: Disturbances) -> dict[st
 def evaluation_task(
     robot: str,
     config: EvaluateConfig,
-    extra: Sequence[Perturbation] = (),
     *,
     reading: str = "code",
     alive_bonus: float | None = None,
@@ -147,8 +145,6 @@ def evaluation_task(
         Name of the robot.
     config
         The test.
-    extra
-        Perturbations besides those the config names.
     reading, alive_bonus
         See :func:`~thesis_lib.locomotion.make_task`.
     """
@@ -164,7 +160,7 @@ def evaluation_task(
         config.runs,
         seed=config.seed,
         terrain=terrain,
-        perturbations=(*map(parse_perturbation, config.perturbations), *extra),
+        perturbations=tuple(map(parse_perturbation, config.perturbations)),
         max_episode_steps=config.steps,
     )
 
@@ -186,9 +182,7 @@ def ground_of(config: EvaluateConfig, robot: str, run: int) -> Ground | None:
 
 
 def evaluate(
-    trained: Training | Trained | Path | str,
-    config: EvaluateConfig | None = None,
-    extra: Sequence[Perturbation] = (),
+    trained: Training | Trained | Path | str, config: EvaluateConfig | None = None
 ) -> pd.DataFrame:
     """Test a policy.
 
@@ -198,8 +192,6 @@ def evaluate(
         A run, or the path of its checkpoint or directory.
     config
         The test; default that of section 5.4 without perturbation.
-    extra
-        Perturbations besides those the config names.
 
     Returns
     -------
@@ -208,17 +200,13 @@ def evaluate(
     """
     chosen = config or EvaluateConfig()
     run = read_trained(trained) if isinstance(trained, Path | str) else trained
-    return tested(task_for(run, chosen, extra), run.policy, chosen)
+    return tested(task_for(run, chosen), run.policy, chosen)
 
 
-def task_for(
-    trained: Training | Trained, config: EvaluateConfig, extra: Sequence[Perturbation] = ()
-) -> BatchTask:
+def task_for(trained: Training | Trained, config: EvaluateConfig) -> BatchTask:
     """The task of a test for a run: its robot, rewards and observations."""
     run = trained.config
-    return evaluation_task(
-        run.task, config, extra, reading=run.reading, alive_bonus=run.alive_bonus
-    )
+    return evaluation_task(run.task, config, reading=run.reading, alive_bonus=run.alive_bonus)
 
 
 def tested(task: BatchTask, policy: GaussianPolicy, config: EvaluateConfig) -> pd.DataFrame:
