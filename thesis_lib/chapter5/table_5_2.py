@@ -236,7 +236,10 @@ def means(table: pd.DataFrame) -> Finding:
         f"{len(deep)} of {len(table)} cells have {ENOUGH} seeds or more at the printed budget; "
         f"{missing} have not been run at all."
     ]
-    for cells, where in ((deep[fitted], "by which settings were chosen"), (deep[~fitted], "else")):
+    for cells, where in (
+        (deep[fitted], "by which settings were chosen"),
+        (deep[~fitted], "by which none were"),
+    ):
         if len(cells):
             inside = (cells.low <= cells.printed) & (cells.printed <= cells.high)
             total, p = combined(cells.p_printed)
