@@ -15,6 +15,7 @@ import pytest
 
 from tests.surroundings import ROOT, python, read_only
 from thesis_lib import cli
+from thesis_lib.edition import roots
 from thesis_lib.edition.chapters import experiments
 
 
@@ -36,6 +37,8 @@ def test_run_writes_table_and_provenance_and_prints(tmp_path, capsys):
     assert record["seed"] == 3
     assert record["budget"] == "smoke"
     assert record["rows"] == len(table)
+    made = experiments()["figure-3.3"]
+    assert record["code"] == roots.code_of_table(made, made.config("smoke"))
     assert "Q_star" in printed
 
 

@@ -14,7 +14,7 @@ import textwrap
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from pathlib import Path
 from typing import Annotated, Any
@@ -91,6 +91,7 @@ class Run:
         """Run it; ``overrides`` are command-line fields of the experiment's config."""
         from thesis_lib.edition.chapters import find
         from thesis_lib.edition.experiment import results_directory
+        from thesis_lib.edition.roots import code_of_table
 
         experiment = find(self.id)
         default = experiment.config(self.budget)
@@ -107,8 +108,9 @@ class Run:
         )
         # A directory that cannot be written to is found out before the work, not after.
         out = writable_directory(self.out or results_directory(self.budget))
+        code = code_of_table(experiment, config)
         result = experiment.run(self.budget, config=config, seed=self.seed, workers=self.workers)
-        path = result.save(out)
+        path = replace(result, provenance={**result.provenance, "code": code}).save(out)
         print(text(result.table))
         wall = result.provenance["wall_seconds"]
         print(f"{experiment.item}: {len(result.table)} rows in {wall:.1f} s, written to {path}")

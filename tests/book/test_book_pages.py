@@ -9,7 +9,14 @@ import pandas as pd
 
 from thesis_lib.book.environments import environments_markdown
 from thesis_lib.book.execution import Run
-from thesis_lib.book.pages import drills_markdown, mutants_markdown, status_markdown
+from thesis_lib.book.pages import (
+    deepest_markdown,
+    drills_markdown,
+    mutants_markdown,
+    status_markdown,
+)
+from thesis_lib.edition.chapters import find
+from thesis_lib.edition.roots import code_of_table
 from thesis_lib.edition.saved import saved
 
 
@@ -45,6 +52,17 @@ def test_status_shows_versions_that_differ() -> None:
 
 def test_status_of_nothing() -> None:
     assert status_markdown([]) == "No notebook was executed for this build.\n"
+
+
+def test_a_committed_table_says_whether_its_code_is_as_it_was() -> None:
+    experiment = find("figure-4.4")
+    code = code_of_table(experiment, experiment.config("thesis"))
+    made = {"cpu_seconds": 61.1, "started": "2026-11-23T04:40:41Z", "commit": "e2bed4eb2d75"}
+    record = {"id": "figure-4.4"} | made
+    text = deepest_markdown([record | {"code": code}, record | {"code": "other"}, record])
+    rows = [row for row in text.splitlines() if row.startswith("| Figure 4.4 |")]
+    assert rows[0] == ("| Figure 4.4 | 1:01 min | [2026-11-23]{.day} | e2bed4eb | as it was |")
+    assert [row.split(" | ")[-1] for row in rows[1:]] == ["changed |", "changed |"]
 
 
 def test_drills_have_a_row_each() -> None:

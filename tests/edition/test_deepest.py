@@ -66,6 +66,7 @@ def test_what_is_committed_was_made_at_the_thesiss_budget_as_it_is():
         table, provenance = load(record.stem, record.parent)
         config = json.loads(json.dumps(asdict(experiment.config("thesis")), default=as_json))
         assert (provenance["budget"], provenance["config"]) == ("thesis", config)
+        assert config != json.loads(json.dumps(asdict(experiment.config("book")), default=as_json))
         assert set(table) == set(experiment.columns)
 
 

@@ -90,7 +90,7 @@ def test_only_tables_that_are_missing_or_of_other_code_are_made(tmp_path, monkey
     lines.clear()
     judged(tmp_path, 3, lines=lines)
     assert [line.partition(":")[0] for line in lines] == ["drawn, root 2"]
-    monkeypatch.setattr(roots, "code_of_table", lambda experiment, budget: "other")
+    monkeypatch.setattr(roots, "code_of_table", lambda experiment, config: "other")
     lines.clear()
     judged(tmp_path, 3, lines=lines)
     assert len(lines) == 4
@@ -182,10 +182,9 @@ def test_at_least_one(tmp_path, n, workers, message):
 
 
 def test_a_config_counts():
-    one, other = (toy("drawn", drawn), toy("drawn", drawn))
-    other.budgets["book"] = Config(1.0)
-    assert roots.code_of_table(one, "book") != roots.code_of_table(other, "book")
-    assert roots.code_of_table(one, "smoke") == roots.code_of_table(other, "smoke")
+    own = toy("drawn", drawn)
+    first, same, other = (roots.code_of_table(own, Config(x)) for x in (0.0, 0.0, 1.0))
+    assert first == same != other
 
 
 def test_select_takes_an_id_before_what_starts_so():

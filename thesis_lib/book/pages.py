@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -22,7 +23,9 @@ from thesis_lib.book.ledger import (
     scoreboard_markdown,
 )
 from thesis_lib.book.thesis_items import ITEMS, items_markdown, read_items
-from thesis_lib.edition.chapters import differences
+from thesis_lib.edition import deepest
+from thesis_lib.edition.chapters import differences, find
+from thesis_lib.edition.roots import code_of_table
 from thesis_lib.edition.saved import saved
 from thesis_lib.edition.scoreboard import judge_all
 
@@ -57,6 +60,7 @@ def generated(
         **charts(),
         "environments.md": environments_markdown(),
         "status.md": status_markdown([runs[name] for name in sorted(runs)]),
+        "deepest.md": deepest_markdown(deepest.records()),
         "drills.md": drills_markdown(saved("drills/drills").table),
         "mutants.md": mutants_markdown(saved("mutants/mutants").table),
     }
@@ -105,6 +109,32 @@ def status_markdown(runs: Sequence[Run]) -> str:
         for name, version in versions.items():
             used.setdefault(name, set()).add(version)
     lines += [f"| {name} | {', '.join(sorted(used[name]))} |" for name in used]
+    return "\n".join([*lines, "::::", ""])
+
+
+def deepest_markdown(records: Sequence[Mapping[str, Any]]) -> str:
+    """The tables at the thesis's budget that are committed, on the page *Status*.
+
+    Parameters
+    ----------
+    records
+        Their provenance.
+    """
+    lines = [
+        "::::{table} Committed tables at the thesis's budget",
+        ":name: tbl-status-deepest",
+        "",
+        "| table | processor time | made on | commit | its code since then |",
+        "| :-- | --: | :-- | :-- | :-- |",
+    ]
+    for record in records:
+        experiment = find(record["id"])
+        code = code_of_table(experiment, experiment.config("thesis"))
+        since = "as it was" if code == record.get("code") else "changed"
+        lines.append(
+            f"| {experiment.item} | {_duration(record['cpu_seconds'])} "
+            f"| [{record['started'][:10]}]{{.day}} | {_short_commit(record['commit'])} | {since} |"
+        )
     return "\n".join([*lines, "::::", ""])
 
 

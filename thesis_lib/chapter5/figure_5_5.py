@@ -100,7 +100,7 @@ def _behind(table: pd.DataFrame, source: str, net: str) -> Evidence | None:
     verdict = graded(row.behind_low > 0, row.behind > 0, denied=row.behind_high < 0)
     sentence = (
         f"DFFWD less {net} {row.behind:+.3f} [{row.behind_low:.3f}, {row.behind_high:.3f}], "
-        f"mean of {row.robots} robots."
+        f"{f'mean of {row.robots} robots' if row.robots > 1 else 'on one robot'}."
     )
     return Evidence(verdict, sentence, int(row.units), int(row.robots), bool(row.printed_budget))
 
@@ -130,5 +130,5 @@ def draw(table: pd.DataFrame) -> Figure:
         ax.bar(places + shift, own.score, 0.4, yerr=span, color=colour, alpha=0.7, label=source)
     ax.set_xticks(places, ALL_NETS, rotation=45, ha="right")
     ax.set(ylabel="score under noise", xlim=(-0.6, len(ALL_NETS) - 0.4))
-    ax.legend(loc="upper right")
+    fig.legend(loc="outside upper right", ncols=2)
     return fig

@@ -1,6 +1,6 @@
 """Tables at the thesis's budget, committed where the book's budget is less.
 
-They are made by ``thesis run ID --budget thesis --out results/thesis``.
+They are made by ``thesis run ID --budget thesis --out results/thesis``, and say by which code.
 """
 
 from __future__ import annotations
@@ -20,6 +20,12 @@ from thesis_lib.edition.experiment import load
 def committed() -> Path:
     """Where they lie."""
     return repository_root() / "results" / "thesis"
+
+
+def records() -> list[dict[str, Any]]:
+    """Their provenance, by id."""
+    files = sorted(committed().glob("*.json"))
+    return [json.loads(file.read_text(encoding="utf-8")) for file in files]
 
 
 def deepest(

@@ -212,9 +212,9 @@ def _end_with_parent() -> None:
 
 
 # ------------------------------------------------------------------------------ code
-def code_of_table(experiment: Experiment[Any], budget: str) -> str:
+def code_of_table(experiment: Experiment[Any], config: Any) -> str:
     """Digest of a config and of the code that makes a table of it."""
-    return digest([place(experiment)], repr(_read_config(experiment, budget)))
+    return digest([place(experiment)], repr(config))
 
 
 def code_of_claim(claim: Claim, budget: str) -> str:
@@ -314,7 +314,7 @@ def judge_over(
     folder = writable_directory(work or repository_root() / "_build" / "claims")
     needed = dict.fromkeys(e for claim in claims for e in claim.experiments)
     known = sorted((_experiments()[e] for e in needed), key=lambda e: -float(e.seconds))
-    codes = {e.id: code_of_table(e, budget) for e in known}
+    codes = {e.id: code_of_table(e, _read_config(e, budget)) for e in known}
     # A run that is committed while tables are made may be one that they did not read.
     judged_by = {claim.id: code_of_claim(claim, budget) for claim in claims}
 
