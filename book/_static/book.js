@@ -157,6 +157,9 @@ function moveCharts() {
     target.className = "moving-chart";
     place.append(target);
     window.vegaEmbed(target, spec, { actions: false, renderer: "svg" }).then(() => {
+      // Vega measures its container when the window changes; a column may change by itself.
+      const widened = new ResizeObserver(() => window.dispatchEvent(new Event("resize")));
+      widened.observe(target.parentElement);
       const drawn = target.querySelector("svg");
       drawn.setAttribute("role", "img");
       drawn.setAttribute("aria-label", picture.alt);

@@ -403,6 +403,10 @@ class TestInTheBrowser:
         opened.wait_for_function(
             "before => document.querySelector('div.chart svg').innerHTML !== before", arg=before
         )
+        opened.evaluate("document.querySelector('article').style.maxWidth = '300px'")
+        opened.wait_for_function(  # a chart goes with its column
+            "document.querySelector('.moving-chart svg').getBoundingClientRect().width <= 300"
+        )
 
     def test_films_play_and_stand_still_where_motion_is_unwelcome(self, tab: Tab) -> None:
         opened = tab.open("book/intro.html")
