@@ -335,6 +335,9 @@ CASES = {
     ),
     "3.4.4-caption": Case(figure_3_4(), (noise, few), (figure_3_4(Q_tilde=110.0),)),
     "3.6-best-kind-depends": Case(every_domain(), (noise, few)),
+    "3.6-average-not-always-best": Case(
+        one_domain(Q_mu=120.0), (noise, few, turned), (one_domain(Q_star=130.0), one_domain())
+    ),
     "3.6-tilde-in-two-of-three": Case(every_domain()),
     "3.6-order-not-level": Case(moved()),
     "3.6-reversal-is-level": Case(moved()),

@@ -250,6 +250,17 @@ def by_function(tpr: float) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def dialled(fpr: float = 0.02, tpr: float = 0.99, half: float = 0.01, chance: bool = False):
+    """Rates at a strict and a lax level, far from each other and above chance unless said."""
+    rows = [
+        {"domain": domain, "method": "fs-tek", "level": level, "tasks_seen": 5, "fpr": low,
+         "tpr": low if chance else high, "fpr_ci95": half, "tpr_ci95": half}
+        for domain in ("triangle", "cliff")
+        for level, low, high in ((1e-4, fpr, 0.5), (0.9, 0.9, tpr))
+    ]  # fmt: skip
+    return pd.DataFrame(rows)
+
+
 def heat_share(share: float, half: float) -> pd.DataFrame:
     return of(removed="x, y, heading", sensor=0.02, share=share, share_ci95=half, n_tasks=60)
 
@@ -438,6 +449,12 @@ CASES = {
     "4.3.1-ibkr-filters": [
         ({"figure-4.3": on_triangle(), "figure-4.6": on_stock(ibkr=rate)}, verdict)
         for rate, verdict in ((0.8, YES), (0.22, NEARLY), (0.2, NO), (0.0, WRONG))
+    ],
+    # Two levels: intervals are norm.isf(.0125) / norm.isf(.025) = 1.144 times as wide.
+    "4.3.1-tuned": [
+        (dialled(), YES), (dialled(fpr=0.088), YES), (dialled(fpr=0.09), NEARLY),
+        (dialled(fpr=0.11), NO), (dialled(fpr=0.12), WRONG), (dialled(tpr=0.93), WRONG),
+        (dialled(chance=True), WRONG), (dialled(half=0.3), NEARLY),
     ],
     "4.3.1-few-tasks": [
         ({"figure-4.4": cliff(late=late), "figure-4.5": cliff(late=late),

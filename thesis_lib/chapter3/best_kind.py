@@ -60,6 +60,37 @@ def best_kind_depends(
     )
 
 
+@criterion("3.6-average-not-always-best", *TABLES)
+def q_star_is_not_always_best(
+    cliff: pd.DataFrame, continuing: pd.DataFrame, triangle: pd.DataFrame, stock: pd.DataFrame
+) -> Finding:
+    """Either other potential against Q*, on every domain and for every learner."""
+    pairs = [
+        compared(own, other, "Q_star", where)
+        for where, own in by_setting(cliff, continuing, triangle, stock).items()
+        for other in SHAPED
+        if other != "Q_star" and other in set(own.potential)
+    ]
+    tests = [welch(p.first, p.second) for p in pairs]
+    adjusted = holm([t.p_value for t in tests])
+    sure = [q < LEVEL for q in adjusted]
+    ahead = [t.difference > 0 for t in tests]
+    beaten = sum(s and a for s, a in zip(sure, ahead, strict=True))
+    behind = sum(sure) - beaten
+    clearest = max(
+        range(len(pairs)), key=lambda i: tests[i].difference / (tests[i].high - tests[i].low)
+    )
+    return judged(
+        beaten,
+        f"Another potential earns significantly more than Q* in {beaten} of {len(pairs)} "
+        f"comparisons, and significantly less in {behind} (Welch, Holm); where Q* does worst, "
+        f"{pairs[clearest]}.",
+        {"beaten": beaten, "behind": behind},
+        direction=any(ahead),
+        otherwise=Verdict.REFUTED if behind == len(pairs) else Verdict.NOT_REPRODUCED,
+    )
+
+
 @criterion("3.6-tilde-in-two-of-three", *TABLES)
 def q_tilde_helps_more_in_two_domains(
     cliff: pd.DataFrame, continuing: pd.DataFrame, triangle: pd.DataFrame, stock: pd.DataFrame

@@ -42,6 +42,7 @@ RESULTS = (
     "heat_readings",
     "predictors",
     "few_tasks",
+    "dial",
     "task_relevance",
     "function_law",
     "function_selection",

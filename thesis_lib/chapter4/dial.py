@@ -1,0 +1,178 @@
+"""Section 4.3.1: the level as a dial between few false positives and many true positives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import product
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from scipy.stats import norm
+
+from thesis_lib.chapter4 import looks
+from thesis_lib.chapter4.figure_4_4 import POSITION
+from thesis_lib.chapter4.looks import SYMBOLS
+from thesis_lib.chapter4.protocol import Flat
+from thesis_lib.chapter4.roc import FAMILIES
+from thesis_lib.chapter4.runs import Placed, exact_solutions, place
+from thesis_lib.edition.criteria import LEVEL, graded
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.ledger import Finding, Verdict, criterion
+from thesis_lib.selection import FSTEK, ExactRelevance, JackknifeF, Selector
+
+DOMAINS: Mapping[str, Flat] = {
+    "triangle": "unsure",
+    "cliff": "unsure",
+    "stock G=1": "limit",
+    "stock G=3": "limit",
+}
+"""Domains of section 4.3, and what FS-TEK makes of a constant relevance there."""
+
+SELECTORS: Mapping[str, Callable[[float, Flat], Selector]] = {
+    "fs-tek": lambda alpha, flat: FSTEK(alpha, flat=flat),
+    "jackknife": lambda alpha, flat: JackknifeF(alpha),
+}
+"""Selectors with a level."""
+
+LOW, HIGH = 0.1, 0.95
+"""A false positive rate that is low, and a true positive rate that is high."""
+
+
+@dataclass(frozen=True)
+class Config:
+    """Which levels are tried, and where."""
+
+    levels: tuple[float, ...] = (1e-8, 1e-6, 1e-4, 1e-3, 1e-2, 0.05, 0.2, 0.5, 0.9)
+    """Each in (0, 1)."""
+    tasks_seen: int = 5
+    """Number of observed tasks; at least 4 for FS-TEK's interval."""
+    domains: tuple[str, ...] = tuple(DOMAINS)
+    """Domains."""
+    runs: int = 100
+    """Sequences of tasks a domain."""
+
+
+@dataclass(frozen=True)
+class Dialled(Placed):
+    """One selector at one level on one domain."""
+
+    domain: str
+    """Name."""
+    method: str
+    """fs-tek or jackknife."""
+    level: float
+    """Its alpha."""
+    unsure: float
+    """Share of the domain-irrelevant features kept for want of a fit, over all runs."""
+
+
+@experiment(
+    "ch4-dial",
+    item="Section 4.3.1 (level)",
+    smoke=Config(levels=(1e-4, 0.5), domains=("triangle",), runs=2),
+    book=Config(),
+    thesis=Config(runs=500),
+    seconds=8,
+)
+def dial(config: Config, context: Context) -> list[Dialled]:
+    """False and true positive rates of FS-TEK and the jackknife F over their level."""
+
+    def one(name: str) -> list[Dialled]:
+        solutions = exact_solutions(FAMILIES[name]())
+        truth = ExactRelevance().fit(solutions).support_
+        if name == "cliff":
+            truth = truth & ~solutions.mask(POSITION)
+        made = [
+            (method, level, make(level, DOMAINS[name]))
+            for (method, make), level in product(SELECTORS.items(), config.levels)
+        ]
+        support = np.empty((len(made), config.runs, len(truth)), dtype=bool)
+        unsure = np.zeros_like(support)
+        seeds = context.seeds(config.runs, 45, tuple(DOMAINS).index(name))
+        for r, seed in enumerate(seeds):
+            tasks = np.random.default_rng(seed).integers(solutions.n_tasks, size=config.tasks_seen)
+            seen = solutions.take(tasks)
+            for i, (*_, selector) in enumerate(made):
+                support[i, r] = selector.fit(seen).support_
+                unsure[i, r] = seen.mask(getattr(selector, "unsure_", ()))
+        return [
+            Dialled(
+                domain=name,
+                method=method,
+                level=level,
+                tasks_seen=config.tasks_seen,
+                unsure=float(unsure[i][:, ~truth].mean()),
+                **place(support[i], truth),
+            )
+            for i, (method, level, _) in enumerate(made)
+        ]
+
+    return [row for part in context.map(one, config.domains, "dial") for row in part]
+
+
+def _ends(own: pd.DataFrame, wider: float) -> tuple[bool, bool]:
+    """Whether some level has a low false, and some a high true positive rate.
+
+    A selector that keeps or removes at random has them too: the true positive rate must exceed the
+    false one.  ``wider`` multiplies the 95% intervals; with 0 the estimates themselves count.
+    """
+    apart = own.tpr - own.fpr > wider * np.hypot(own.tpr_ci95, own.fpr_ci95)
+    low = apart & (own.fpr + wider * own.fpr_ci95 <= LOW)
+    high = apart & (own.tpr - wider * own.tpr_ci95 >= HIGH)
+    return bool(low.any()), bool(high.any())
+
+
+@criterion("4.3.1-tuned", dial)
+def level_tunes_the_rates(table: pd.DataFrame) -> Finding:
+    """Whether FS-TEK's level reaches a low FPR and a high TPR, by domain."""
+    fstek = table[table.method == "fs-tek"]
+    wider = norm.isf(LEVEL / 2 / fstek.level.nunique()) / norm.isf(LEVEL / 2)
+    told, surely, nearly, never = [], [], [], []
+    for domain, own in fstek.groupby("domain", sort=False):
+        surely.append(all(_ends(own, wider)))
+        nearly.append(all(_ends(own, 0.0)))
+        # Not even where its intervals end, at any level.
+        never.append(not all(_ends(own, -wider)))
+        strict, lax = own.loc[own.level.idxmin()], own.loc[own.level.idxmax()]
+        told.append(f"{domain} {strict.fpr:.2f}/{strict.tpr:.2f} to {lax.fpr:.2f}/{lax.tpr:.2f}")
+    return Finding(
+        graded(
+            all(surely),
+            direction=all(nearly),
+            denied=any(never),
+            otherwise=Verdict.NOT_REPRODUCED,
+        ),
+        f"FPR/TPR after {fstek.tasks_seen.iloc[0]} tasks from level {fstek.level.min():g} to "
+        f"{fstek.level.max():g}: {'; '.join(told)}. Levels with a low FPR and with a high TPR, "
+        f"each above chance, are shown on {sum(surely)} of {len(told)} domains (Bonferroni).",
+        {"shown": sum(surely), "denied": sum(never)},
+    )
+
+
+def figure(table: pd.DataFrame) -> Figure:
+    """ROC curves over the level, a panel a domain; FS-TEK's printed 1e-4 is marked."""
+    domains = table.domain.unique()
+    fig, axes = plt.subplots(
+        1, len(domains), figsize=(7.2, 2.6), sharex=True, sharey=True, squeeze=False
+    )
+    for ax, domain in zip(axes[0], domains, strict=True):
+        for method, own in table[table.domain == domain].groupby("method", sort=False):
+            name = str(method)
+            own = own.sort_values("level")
+            look = {"color": looks.COLOUR[name], "marker": looks.MARKER[name]}
+            ax.plot(own.fpr, own.tpr, ms=3, lw=1, label=SYMBOLS[name], **look)
+            if name == "fs-tek":
+                at = own[np.isclose(own.level, 1e-4)]
+                ax.plot(at.fpr, at.tpr, "o", ms=9, mfc="none", color=looks.PRINTED, ls="none",
+                        label="FS-TEK at 1e-4")  # fmt: skip
+        ax.plot([0, 1], [0, 1], lw=0.6, ls=":", color=looks.PRINTED)
+        ax.set_title(domain, fontsize=8)
+        ax.set(xlim=(-0.04, 1.06), ylim=(-0.04, 1.08))
+        ax.set_xlabel("false positive rate", fontsize=8)
+    axes[0, 0].set_ylabel("true positive rate", fontsize=8)
+    handles = axes[0, 0].get_legend_handles_labels()
+    fig.legend(*handles, loc="outside lower center", ncols=3, fontsize=8)
+    return fig
