@@ -1,10 +1,12 @@
 """The results store as chapter 5 reads it."""
 
+import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.chapter5 import cell_table, judging, table_5_2
+from thesis_lib.chapter5 import cell_table, judging, printed_length, table_5_2
 from thesis_lib.chapter5.cells import NETS
+from thesis_lib.chapter5.contrasts import Config
 from thesis_lib.chapter5.runs import read_runs
 from thesis_lib.edition.ledger import Verdict
 from thesis_lib.training import curves
@@ -52,6 +54,22 @@ def test_deep_runs_of_few_seeds_wait_for_more(tmp_path):
     runs = read_runs(tmp_path)
     assert runs.deepest().layer.tolist() == ["breadth"]
     assert runs.depths().layer.tolist() == ["breadth", "depth"]
+
+
+def test_every_run_of_the_printed_length_stands_beside_shorter_ones(tmp_path):
+    cell = {"task": "HalfCheetah", "architecture": "ctrnn"}
+    layer(tmp_path, "breadth", 3, 150, 20_000, **cell)
+    layer(tmp_path, "depth", 2, 500, 50_000, returns=2.0, **cell)
+    layer(tmp_path, "nearly", 5, 499, 50_000, **cell | {"architecture": "gru"})
+    table = printed_length.curves.run("book", config=Config(store=str(tmp_path))).table
+    assert table.groupby("seed").size().to_dict() == {0: 50, 1: 50}
+    first, seventh = table.iloc[0], table.iloc[6]
+    # Iterations 1 to 10 of 50,000 steps return 2, 4, .. 20, and 1 to 25 of 20,000 return 1 .. 25.
+    assert (first.iteration, first.steps, first.mean_return) == (5.5, 500_007, 11.0)
+    assert (first.shorter, first.shorter_seeds) == (13.0, 3)
+    assert np.isnan(seventh.shorter)
+    row = printed_length.shown(table).iloc[0]
+    assert (row.printed, row.ours, row["ours at the end"]) == ("1534 (167)", "501, 501", "991, 991")
 
 
 def test_without_enough_seeds_anywhere_the_deepest_counts(tmp_path):

@@ -42,6 +42,7 @@ BENCHMARK = (
     "contrasts",
     "table_5_2",
     "figure_5_3",
+    "printed_length",
     "returns",
     "figure_5_4",
     "figure_5_5",

@@ -1,0 +1,201 @@
+"""Table 5.2 at its own length: learning runs of 500 iterations of 50,000 control steps.
+
+The tables and figures of sections 5.5 take for each cell the longest runs of which there are enough
+seeds.  Here are all runs as long as the thesis's, seed by seed, beside the printed mean and beside
+what shorter runs have earned after as many steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from thesis_lib import published
+from thesis_lib.chapter5.cells import NETS, ROBOTS
+from thesis_lib.chapter5.contrasts import Config
+from thesis_lib.chapter5.runs import CELL, DEFAULT, PRINTED_STEPS, read_runs
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.plots import COLOURS, PRINTED
+from thesis_lib.published import TASKS
+from thesis_lib.robustness import TRAINED_ON
+
+POINTS = 50
+"""Points of a curve; each is the mean of as many iterations as that takes."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """Some iterations of one run as long as the thesis's."""
+
+    task: str
+    """Robot."""
+    trained_on: str
+    """Flat or hill."""
+    architecture: str
+    """Net."""
+    seed: int
+    """Seed of the run."""
+    iteration: float
+    """Mean of the iterations."""
+    steps: float
+    """Control steps learned from after the last of them."""
+    mean_return: float
+    """Mean return over these iterations."""
+    shorter: float
+    """Of shorter runs of the cell in the same span of steps, mean over seeds; none beyond their
+    end."""
+    shorter_seeds: int
+    """How many seeds these have."""
+    printed: float
+    """Mean over the 500 iterations by table 5.2."""
+    printed_error: float
+    """Its printed standard error, over five runs."""
+
+
+@experiment(
+    "ch5-printed-length",
+    item="Table 5.2 (printed length)",
+    smoke=Config(),
+    book=Config(),
+    seconds=0.5,
+)
+def curves(config: Config, context: Context) -> list[Point]:
+    """Learning curves of runs as long as the thesis's, seed by seed."""
+    store = read_runs(config.store)
+    budgets = store.depths()
+    budgets = budgets[budgets.variant == DEFAULT]
+    long = budgets.steps >= PRINTED_STEPS
+    cells, others = (_by_cell(store.curves, some) for some in (budgets[long], budgets[~long]))
+    by = published.load("table-5.2").set_index(["task", "trained_on", "architecture"])
+    rows = []
+    for robot, ground, net in product(ROBOTS, TRAINED_ON, NETS):
+        if (runs := cells.get((robot, ground, net))) is None:
+            continue
+        printed = by.loc[(TASKS[robot], ground, net)]
+        rest = others.get((robot, ground, net), runs.iloc[:0])
+        rows += [
+            Point(robot, ground, net, *point, float(printed.value), float(printed.standard_error))
+            for point in _points(runs, rest)
+        ]
+    return rows
+
+
+def _by_cell(
+    curves: pd.DataFrame, budgets: pd.DataFrame
+) -> dict[tuple[str, str, str], pd.DataFrame]:
+    """Curves of each cell at the first of its budgets."""
+    keys = [*CELL, "layer"]
+    own = curves.merge(budgets.drop_duplicates(CELL)[keys], on=keys)
+    own = own.assign(architecture=own.architecture.str.upper())
+    return dict(list(own.groupby(["task", "terrain", "architecture"])))
+
+
+def _points(
+    runs: pd.DataFrame, rest: pd.DataFrame
+) -> Iterator[tuple[int, float, float, float, float, int]]:
+    """Seed, iteration, steps, return, that of shorter runs and how many, of each point."""
+    width = max(1, -(-int(runs.iteration.max()) // POINTS))
+    for seed, run in runs.sort_values("iteration").groupby("seed"):
+        before = 0.0
+        for _, some in run.groupby((run.iteration - 1) // width):
+            upto = float(some.steps.max())
+            same = rest[(rest.steps > before) & (rest.steps <= upto)]
+            by_seed = same.groupby("seed").mean_return.mean()
+            shorter = float(by_seed.mean()) if len(by_seed) else np.nan
+            mean = float(some.mean_return.mean())
+            yield int(seed), float(some.iteration.mean()), upto, mean, shorter, len(by_seed)
+            before = upto
+
+
+def shown(table: pd.DataFrame) -> pd.DataFrame:
+    """Printed mean, ours by seed, at the end of learning, and of shorter runs; one row a net."""
+    rows = []
+    for (robot, ground, net), own in table.groupby(
+        ["task", "trained_on", "architecture"], sort=False
+    ):
+        by_seed = own.groupby("seed")
+        first = own.iloc[0]
+        spans = own.dropna(subset=["shorter"]).drop_duplicates("iteration")
+        rows.append(
+            {
+                "on": f"{robot}, {ground}",
+                "net": net,
+                "printed": f"{first.printed:.0f} ({first.printed_error:.0f})",
+                "ours": _each(by_seed.mean_return.mean()),
+                "ours at the end": _each(by_seed.mean_return.last()),
+                "shorter runs": f"{spans.shorter.mean():.0f}" if len(spans) else "",
+            }
+        )
+    return pd.DataFrame(rows, columns=["on", "net", *_COLUMNS])
+
+
+_COLUMNS = ("printed", "ours", "ours at the end", "shorter runs")
+
+
+def _each(by_seed: pd.Series) -> str:
+    return ", ".join(f"{value:.0f}" for value in by_seed.sort_index())
+
+
+def reading(table: pd.DataFrame) -> str:
+    """How near these runs come to the printed means, and what shorter ones leave out."""
+    if table.empty:
+        return "No run of ours is as long yet."
+    by_cell = table.groupby(["task", "trained_on", "architecture"])
+    near = by_cell.mean_return.mean() / by_cell.printed.first()
+    short = by_cell.shorter.mean() / by_cell.mean_return.mean()
+    after = table.steps.where(table.shorter.notna()).max() / 1e6
+    words = (
+        f"Over {by_cell.ngroups} cells our means are {near.min():.0%} to {near.max():.0%} of the "
+        f"printed ones, {near.median():.0%} in the median."
+    )
+    if short.isna().all():
+        return words
+    return (
+        f"{words} Over their {after:.0f} million steps the shorter runs earned {short.min():.0%} "
+        f"to {short.max():.0%} of what these earned over theirs."
+    )
+
+
+def draw(table: pd.DataFrame) -> Figure:
+    """A panel a net: curves by seed with their means, shorter runs, and the printed mean.
+
+    Of the robot and ground that come first.
+    """
+    if len(table):
+        first = table.iloc[0]
+        table = table[(table.task == first.task) & (table.trained_on == first.trained_on)]
+    nets = [net for net in NETS if net in set(table.architecture)] or [NETS[0]]
+    columns = min(4, len(nets))
+    rows = -(-len(nets) // columns)
+    fig, axes = plt.subplots(
+        rows, columns, figsize=(7.2, 0.8 + 1.9 * rows), sharex=True, sharey=True, squeeze=False
+    )
+    for ax in axes.flat[len(nets) :]:
+        ax.axis("off")
+    for ax, net in zip(axes.flat, nets, strict=False):
+        own = table[table.architecture == net]
+        ax.set_title(net, fontsize=9)
+        if own.empty:
+            ax.text(0.5, 0.5, "not run yet", transform=ax.transAxes, ha="center")
+            continue
+        one = own.drop_duplicates("iteration")
+        ax.axhline(own.printed.iloc[0], color=PRINTED, lw=1, ls="--", label="printed mean")
+        ax.plot(one.steps / 1e6, one.shorter, color="#404040", lw=1.6, label="shorter runs")
+        for i, (_, run) in enumerate(own.groupby("seed")):
+            label = "one seed" if i == 0 else None
+            ax.plot(run.steps / 1e6, run.mean_return, color=COLOURS[0], lw=0.9, label=label)
+            label = "its mean" if i == 0 else None
+            edge = {"transform": ax.get_yaxis_transform(), "clip_on": False, "ls": "none"}
+            ax.plot([1.03], [run.mean_return.mean()], "<", color=COLOURS[0], label=label, **edge)
+    fig.supxlabel("million control steps", fontsize=9)
+    fig.supylabel("mean return", fontsize=9)
+    handles = axes[0, 0].get_legend_handles_labels()
+    if handles[0]:
+        fig.legend(*handles, loc="outside upper center", ncols=4, fontsize=8)
+    return fig
