@@ -36,7 +36,7 @@ BENCHMARK = [e for e in CHAPTER.experiments if e is not calibration.readings]
 
 def as_printed(table: pd.DataFrame) -> pd.DataFrame:
     """Runs of a world told as if the thesis printed them, beside themselves."""
-    if "printed_error" in table:
+    if "ours_leads" in table:
         return table.assign(
             printed=table.ours, printed_error=table.error, leads=table.ours_leads, note=""
         )

@@ -200,9 +200,11 @@ class TestReadChapter:
     [
         ([Verdict.REPRODUCED], Verdict.REPRODUCED),
         ([Verdict.REPRODUCED] * 2, Verdict.REPRODUCED),
-        ([Verdict.REPRODUCED, Verdict.REFUTED], Verdict.DIRECTION),
-        ([Verdict.REFUTED] * 2, Verdict.REFUTED),
-        ([Verdict.NOT_REPRODUCED, Verdict.REFUTED], Verdict.NOT_REPRODUCED),
+        ([Verdict.REPRODUCED, Verdict.REFUTED], Verdict.REFUTED),
+        ([Verdict.NOT_REPRODUCED, Verdict.REFUTED], Verdict.REFUTED),
+        ([Verdict.INCONCLUSIVE, Verdict.NOT_REPRODUCED], Verdict.NOT_REPRODUCED),
+        ([Verdict.INCONCLUSIVE, Verdict.DIRECTION], Verdict.INCONCLUSIVE),
+        ([Verdict.DIRECTION, Verdict.REPRODUCED], Verdict.DIRECTION),
     ],
 )
 def test_a_claim_that_rests_on_others(verdicts, expected):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -35,6 +36,9 @@ from thesis_lib.stats import friedman, iqm, stratified_bootstrap_ci
 
 ALL = "all"
 """Stands for the mean over robots, or over nets."""
+
+MATCH = 0.1
+"""Score by which a net may be shown to be at most behind another and match it."""
 
 
 @dataclass(frozen=True)
@@ -226,7 +230,13 @@ def ctrnn_matches(source: str, table: pd.DataFrame) -> Evidence | None:
     if behind is None or level.empty:
         return None
     overtaken = ((level.difference < 0) & (level.p_runs < ALPHA)).any()
-    verdict = Verdict.REFUTED if overtaken else behind.verdict
+    on_par = (level.low > -MATCH).all()
+    verdict = graded(
+        on_par and behind.verdict is Verdict.REPRODUCED,
+        on_par and behind.verdict is Verdict.DIRECTION,
+        denied=overtaken or behind.verdict is Verdict.REFUTED,
+        otherwise=behind.verdict if on_par else Verdict.INCONCLUSIVE,
+    )
     listed = ", ".join(f"{r.second} {difference(r)}" for _, r in level.iterrows())
     return Evidence(
         verdict,
@@ -363,30 +373,33 @@ def varies_across_tasks(source: str, table: pd.DataFrame) -> Evidence | None:
     return _evidence(rows, verdict, f"scores differ between robots, nets as blocks: {listed}.")
 
 
-def draw(table: pd.DataFrame, source: str = "printed") -> Figure:
-    """Figure 5.4: mean score by net in each quadrant, with the scores on each robot.
+def draw(table: pd.DataFrame) -> Figure:
+    """Figure 5.4: mean score by net in each quadrant, with the scores on each robot as dots.
+
+    Left of each pair by the printed tables, right by our runs; of these, means over the robots
+    that have been run, and no bar where no robot has all nets.
 
     Parameters
     ----------
     table
         Of :data:`scores`.
-    source
-        ``printed`` or ``ours``.
     """
-    rows = _means(table, source)
-    fig, axes = plt.subplots(2, 2, figsize=(7.2, 5.4), sharex=True, sharey=True)
-    for i, what in enumerate(PERTURBATIONS):
-        for j, ground in enumerate(TRAINED_ON):
-            ax = axes[i, j]
-            own = rows[(rows.perturbation == what) & (rows.trained_on == ground)]
+    fig, axes = plt.subplots(2, 2, figsize=(7.2, 5.6), sharex=True, sharey=True)
+    places = np.arange(len(NETS))
+    for (i, what), (j, ground) in product(enumerate(PERTURBATIONS), enumerate(TRAINED_ON)):
+        ax = axes[i, j]
+        for shift, source, edge in ((-0.2, "printed", COLOURS[7]), (0.2, "ours", COLOURS[0])):
+            own = _means(table, source)
+            own = own[(own.perturbation == what) & (own.trained_on == ground)]
             bars = own[own.task == ALL].set_index("architecture").reindex(list(NETS))
             span = np.abs(bars[["low", "high"]].sub(bars.value, axis=0).to_numpy().T)
-            ax.bar(NETS, bars.value, yerr=span, color="#c9d6e8", edgecolor=COLOURS[0], capsize=2)
+            ax.bar(places + shift, bars.value, 0.38, yerr=span, color=edge, alpha=0.3, label=source)
             for robot, colour in zip(ROBOTS, COLOURS[1:], strict=False):
                 points = own[own.task == robot].set_index("architecture").value.reindex(list(NETS))
-                ax.plot(NETS, points, "o", ms=4, color=colour, label=robot)
-            ax.set_title(f"trained on {ground}, {what}")
-            ax.tick_params(axis="x", rotation=45)
+                label = robot if source == "printed" else None
+                ax.plot(places + shift, points, "o", ms=3, color=colour, label=label)
+        ax.set_title(f"trained on {ground}, {what}")
+        ax.set_xticks(places, NETS, rotation=45, ha="right")
     fig.supylabel("robustness score")
-    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
+    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return fig

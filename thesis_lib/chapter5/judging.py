@@ -19,13 +19,10 @@ from thesis_lib.chapter5.contrasts import comparisons
 from thesis_lib.chapter5.runs import ENOUGH
 from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Experiment
-from thesis_lib.edition.ledger import Criterion, Finding, Verdict, criterion
+from thesis_lib.edition.ledger import WEAKEST_FIRST, Criterion, Finding, Verdict, criterion
 from thesis_lib.stats import holm
 
 ALPHA = 0.05
-
-_ORDER = (Verdict.REFUTED, Verdict.NOT_REPRODUCED, Verdict.DIRECTION, Verdict.REPRODUCED)
-"""From weakest to strongest."""
 
 _WORDS = {
     Verdict.REFUTED: "deny it",
@@ -100,11 +97,8 @@ def weigh(printed: Evidence | None, ours: Evidence | None) -> Finding:
         deep = "" if ours.printed_budget else ", fewer steps than the thesis's"
         some = "" if ours.tasks == ours.of_tasks else f", {ours.tasks} of {ours.of_tasks} robots"
         mine = f"Our runs ({ours.units} seeds{some}{deep}) {_WORDS[own]}: {ours.sentence}"
-    verdicts = [v for v in (printed and printed.verdict, own) if v in _ORDER]
-    weakest = min(verdicts, key=_ORDER.index, default=own)
-    if own not in _ORDER and weakest in (Verdict.REPRODUCED, Verdict.DIRECTION):
-        weakest = own
-    return Finding(weakest, f"{theirs} {mine}")
+    verdicts = [own] if printed is None else [printed.verdict, own]
+    return Finding(min(verdicts, key=WEAKEST_FIRST.index), f"{theirs} {mine}")
 
 
 def _own(ours: Evidence | None) -> Verdict:
@@ -133,7 +127,7 @@ def together(parts: list[Evidence | None]) -> Evidence | None:
         return None
     first, *others = (part.sentence for part in found)
     return Evidence(
-        min((part.verdict for part in found), key=_ORDER.index),
+        min((part.verdict for part in found), key=WEAKEST_FIRST.index),
         " ".join([first, *(other[0].upper() + other[1:] for other in others)]),
         min(part.units for part in found),
         min(part.tasks for part in found),

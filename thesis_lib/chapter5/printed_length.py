@@ -1,6 +1,6 @@
 """Table 5.2 at its own length: learning runs of 500 iterations of 50,000 control steps.
 
-The tables and figures of sections 5.5 take for each cell the longest runs of which there are enough
+The tables and figures of section 5.5 take for each cell the longest runs of which there are enough
 seeds.  Here are all runs as long as the thesis's, seed by seed, beside the printed mean and beside
 what shorter runs have earned after as many steps.
 """

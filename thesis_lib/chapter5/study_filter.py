@@ -46,7 +46,7 @@ CORRELATIONS = (0, 3, 10, 30, 100)
 """Correlation times of the noise in control steps, at equal variance."""
 
 ENOUGH_SEEDS = 8
-"""Seeds an arm from which on the study is judged; 16 are planned."""
+"""Seeds an arm from which on the study is judged; 16 were run."""
 
 FRESH = range(16, 32)
 """Seeds that confirm what was seen in those below, once all have been trained and tested."""

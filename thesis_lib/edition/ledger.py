@@ -1,10 +1,11 @@
 """The ledger: claim, evidence, criterion, verdict.
 
 A claim paraphrases a statement of the thesis; its words stand in its chapter's ``claims.toml``.
-Its criterion, fixed before looking, is a function of the tables that are its evidence, beside
-the experiment that makes them, so that it can be asked of the tables of any seed.  The verdict
-is computed and never typed.  The pages *Scoreboard* and *Differences from the thesis* are
-written from here.
+Its criterion, written before looking and mended where a review found it wanting, is a function of
+the tables that are its evidence, beside the experiment that makes them, so that it can be asked of
+the tables of any seed.  The verdict is computed and never typed.
+
+The pages *Scoreboard* and *Differences from the thesis* are written from here.
 """
 
 from __future__ import annotations
@@ -47,6 +48,17 @@ MEANING = {
     Verdict.NOT_RUN: "the evidence has not been computed yet",
 }
 
+WEAKEST_FIRST = (
+    Verdict.REFUTED,
+    Verdict.NOT_REPRODUCED,
+    Verdict.NOT_TESTABLE,
+    Verdict.NOT_RUN,
+    Verdict.INCONCLUSIVE,
+    Verdict.DIRECTION,
+    Verdict.REPRODUCED,
+)
+"""What denies a claim of several parts counts before what cannot tell, and that before the rest."""
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -88,7 +100,7 @@ class Claim:
     experiments
         Ids of the experiments whose tables are the evidence.
     criterion
-        What must hold, in words; fixed before looking.
+        What must hold, in words.
     judge
         Computes the finding from the tables, by experiment id.
     headline
@@ -136,8 +148,7 @@ class Claim:
     def resting_on(self, parts: Sequence[Claim]) -> Claim:
         """The claim judged by those it rests on, given in order.
 
-        One passes its finding on; of several the claim is reproduced or refuted if all are, and
-        right in direction only if some are reproduced or are so.
+        One passes its finding on; of several the claim is as good as the weakest.
         """
         experiments = tuple(dict.fromkeys(e for part in parts for e in part.experiments))
 
@@ -145,14 +156,12 @@ class Claim:
             found = [part.judge(tables) for part in parts]
             if len(found) == 1:
                 return found[0]
-            verdicts = {f.verdict for f in found}
-            some = {Verdict.REPRODUCED, Verdict.DIRECTION} & verdicts
-            verdict = Verdict.DIRECTION if some else Verdict.NOT_REPRODUCED
+            weakest = min((f.verdict for f in found), key=WEAKEST_FIRST.index)
             each = "; ".join(
                 f"{part.statement.removesuffix('.')}: {f.verdict}"
                 for part, f in zip(parts, found, strict=True)
             )
-            return Finding(verdicts.pop() if len(verdicts) == 1 else verdict, f"{each}.")
+            return Finding(weakest, f"{each}.")
 
         criteria = tuple(c for part in parts for c in part.criteria)
         return replace(self, experiments=experiments, judge=judge, criteria=criteria)

@@ -30,6 +30,10 @@ SETTINGS: dict[str, Any] = {
     "distributed.scheduler.worker-saturation": 1.0,
     "distributed.scheduler.default-task-durations": {"train": "1h", "test": "10s"},
     "distributed.worker.profile.enabled": False,
+    # What a dashboard would show, taken many times a second, costs a tenth of a core.
+    "distributed.admin.system-monitor.interval": "10s",
+    "distributed.admin.tick.interval": "1s",
+    "distributed.scheduler.work-stealing": False,
     # A terminal sends Ctrl-C to workers too, but it is for their parent to stop them.
     "distributed.worker.preload": ["import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)"],
 }

@@ -220,8 +220,9 @@ class _Line:
     shown: bool = field(default_factory=lambda: sys.stderr.isatty())
 
     def __post_init__(self) -> None:
-        self.share = {run_name(c): cost(c) / c.iterations for c in self.configs}
-        self.left = {run_name(c): c.iterations for c in self.configs}
+        self.named = {run_name(c): c for c in self.configs}
+        self.share = {name: cost(c) / c.iterations for name, c in self.named.items()}
+        self.left = {name: c.iterations for name, c in self.named.items()}
         for name, iteration in self.begun.items():
             self.left[name] -= iteration
         self.total = self._left()
@@ -233,8 +234,7 @@ class _Line:
 
     def iteration(self, name: str, iteration: int) -> None:
         """Take note of how far a run has come."""
-        (config,) = (c for c in self.configs if run_name(c) == name)
-        self.left[name] = config.iterations - iteration
+        self.left[name] = self.named[name].iterations - iteration
         self.running.add(name)
         self._show()
 
