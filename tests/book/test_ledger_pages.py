@@ -71,8 +71,11 @@ def test_a_difference_has_a_row() -> None:
 
 
 def test_other_pages_quote_verdict_and_evidence() -> None:
-    told = json.loads(ledger.quoted([replace(JUDGED, finding=Finding(Verdict.REFUTED, "3 of 4."))]))
-    assert told == {"3.4.1-numbers": {"verdict": "refuted (10 of 10)", "evidence": "3 of 4."}}
+    finding = Finding(Verdict.REFUTED, "3 of 4. And so.")
+    told = json.loads(ledger.quoted([replace(JUDGED, finding=finding)]))
+    assert told["3.4.1-numbers"]["verdict"] == "refuted (10 of 10)"
+    assert told["3.4.1-numbers"]["evidence"] == "3 of 4. And so."
+    assert told["3.4.1-numbers"]["first"] == "3 of 4."
 
 
 def test_findings_count_the_claims_of_the_thesis() -> None:
@@ -105,9 +108,13 @@ def test_the_questions_name_claims_that_are_there() -> None:
     """Each of section 1.3's six questions has both answers."""
     rows = ledger.questions()
     assert len(rows) == 6
-    named = {x for row in rows for x in re.findall(r"\{([^}]+)\}", row["ours"])}
+    named = {x for row in rows for x in re.findall(r"\{([^} ]+)[^}]*\}", row["ours"])}
     assert named <= {claim.id for claim in chapters.claims()}
-    assert all(re.search(r"\{", row["ours"]) and row["thesis"] for row in rows)
+    for row in rows:
+        quoted = re.findall(r"\{(\S+) evidence\}", row["ours"])
+        assert len(quoted) == 1, row["text"]
+        assert f"{{{quoted[0]}}}" in row["ours"]  # a number stands beside its verdict
+        assert row["thesis"]
 
 
 def test_questions_tell_verdicts() -> None:
@@ -116,6 +123,11 @@ def test_questions_tell_verdicts() -> None:
     assert "It is [refuted (10 of 10)](#claim-3.4.1-numbers)." in told
     assert "1. What?\n\n   [[refuted](#claim-3.4.1-numbers)]{.square .refuted}\n" in told
     assert "[]{.square .refuted} refuted, []{.square} open." in told
+    row |= {"ours": "It is {3.4.1-numbers}.\n{3.4.1-numbers evidence}"}
+    more = Finding(Verdict.REFUTED, "Off by Q_d. Not by more.")
+    quoted = ledger.questions_markdown([row], [replace(JUDGED, finding=more)])
+    assert "(#claim-3.4.1-numbers).\nOff by Q<sub>d</sub>.\n" in quoted
+    assert quoted.count("{.square .refuted}\n") == told.count("{.square .refuted}\n") == 1
     with pytest.raises(ValueError, match=r"'0\.2'"):
         ledger.questions_markdown([row | {"ours": "It is {0.2}."}], [JUDGED])
 

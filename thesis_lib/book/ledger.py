@@ -19,8 +19,8 @@ from thesis_lib.edition.words import brief, plain, several, typeset
 
 _CLASSES = ("exact", "in all roots", "in most roots", "in no eight of ten", "waiting")
 
-_NAMED = re.compile(r"\{([^}]+)\}")
-"""A claim in an answer of :func:`questions`."""
+_NAMED = re.compile(r"\{([^} ]+)( evidence)?\}")
+"""A claim, or its evidence, in an answer of :func:`questions`."""
 
 _CHAPTERS = {
     "1": "ch-introduction",
@@ -38,9 +38,23 @@ _CHAPTERS = {
 def quoted(judged: Iterable[Judgement]) -> str:
     """Verdict and evidence of every claim by id, as JSON, for the roles of other pages."""
     verdicts = {
-        j.claim.id: {"verdict": j.in_words(), "evidence": brief(j.finding.evidence)} for j in judged
+        j.claim.id: {
+            "verdict": j.in_words(),
+            "evidence": brief(j.finding.evidence),
+            "first": first_sentence(j.finding.evidence),
+        }
+        for j in judged
     }
     return json.dumps(verdicts, indent=1, ensure_ascii=False) + "\n"
+
+
+def first_sentence(evidence: str) -> str:
+    """The first sentence of evidence, without long lists of numbers.
+
+    >>> first_sentence("It is 3 of 4. The rest follows.")
+    'It is 3 of 4.'
+    """
+    return f"{brief(evidence).partition('. ')[0].rstrip('.')}."
 
 
 def by_place(rows: Iterable[Difference]) -> str:
@@ -144,7 +158,11 @@ def findings_markdown(judged: Sequence[Judgement]) -> str:
 
 
 def questions() -> list[dict[str, str]]:
-    """The six research questions: ``text``, ``thesis``, and ``ours`` with claims in braces."""
+    """The six research questions: ``text``, ``thesis``, and ``ours``.
+
+    In ``ours`` a claim's id in braces stands for its verdict, and one that ``evidence`` follows
+    for the first sentence of its evidence.
+    """
     file = resources.files("thesis_lib.chapter6") / "questions.toml"
     found: list[dict[str, str]] = tomllib.loads(file.read_text(encoding="utf-8"))["question"]
     return found
@@ -165,22 +183,24 @@ def questions_markdown(rows: Iterable[Mapping[str, str]], judged: Iterable[Judge
             raise ValueError(f"questions.toml names a claim {claim!r}, which is not there.")
         return by_id[claim]
 
-    def verdict(found: re.Match[str]) -> str:
-        return f"[{judgement(found[1]).in_words()}](#claim-{found[1]})"
+    def told(found: re.Match[str]) -> str:
+        own = judgement(found[1])
+        if found[2]:
+            return first_sentence(own.finding.evidence)
+        return f"[{own.in_words()}](#claim-{found[1]})"
 
     overview, answers = [], []
     for number, row in enumerate(rows, 1):
-        named = sorted(
-            map(judgement, _NAMED.findall(row["ours"])), key=lambda j: [*Verdict].index(j.verdict)
-        )
+        ids = [claim for claim, evidence in _NAMED.findall(row["ours"]) if not evidence]
+        named = sorted(map(judgement, ids), key=lambda j: [*Verdict].index(j.verdict))
         squares = " ".join(
             f"[[{j.verdict}](#claim-{j.claim.id})]{{.square .{_slug(j.verdict)}}}" for j in named
         )
         overview += [f"{number}. {row['text']}", "", f"   {squares}", ""]
         answers += [f"### {row['text']}", "", f"**The thesis.** {row['thesis']}", ""]
-        answers += [f"**This edition.** {typeset(_NAMED.sub(verdict, row['ours'].strip()))}", ""]
-    told = (Verdict.REPRODUCED, Verdict.DIRECTION, Verdict.NOT_REPRODUCED, Verdict.REFUTED)
-    legend = [f"[]{{.square .{_slug(verdict)}}} {verdict}" for verdict in told]
+        answers += [f"**This edition.** {typeset(_NAMED.sub(told, row['ours'].strip()))}", ""]
+    settled = (Verdict.REPRODUCED, Verdict.DIRECTION, Verdict.NOT_REPRODUCED, Verdict.REFUTED)
+    legend = [f"[]{{.square .{_slug(verdict)}}} {verdict}" for verdict in settled]
     legend += ["[]{.square} open"]
     return "\n".join([*overview, f"{', '.join(legend)}.", "", *answers])
 
