@@ -108,7 +108,7 @@ def _claim(j: Judgement, *, earlier: bool) -> list[str]:
     over = "; the verdicts over roots are of earlier code or runs" * earlier
     again = f"; over roots `thesis claims {claim.id} --seeds 10`" if claim.experiments else ""
     whole, short = j.finding.evidence, brief(j.finding.evidence)
-    details = [
+    details: list[str | _Folded] = [
         *([f"*On the tables shown* the verdict is {j.here}."] if j.here else []),
         short.replace("more on the Scoreboard", "more below"),
         *([_Folded("The whole evidence", [whole])] if short != whole else []),
