@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -14,6 +15,7 @@ import tyro
 
 from thesis_lib.checkout import repository_root
 from thesis_lib.cli_parts import checked, status, text, unchecked
+from thesis_lib.edition.words import several
 from thesis_lib.files import replacing, writable_directory
 from thesis_lib.locomotion.rendering import check_gl
 from thesis_lib.policies.portable import dumps, to_onnx
@@ -32,6 +34,9 @@ from thesis_lib.training.suite import SuiteConfig, best, check_kept, check_rule,
 from thesis_lib.training.suite import write as write_tests
 from thesis_lib.training.train import TerminalReport, default_directory, train
 from thesis_lib.training.trained import Trained, TrainedPolicies, read_trained
+
+NEAR = 5
+"""Names of runs that are told when one is missing: a sweep may have hundreds."""
 
 
 def _refuse(idle: Mapping[str, str]) -> None:
@@ -96,8 +101,30 @@ class Train:
 
 
 def _read(checkpoint: Path, run: str | None) -> Trained:
-    """The policy of a run's checkpoint, or of one of the runs in a sweep's ``policies.pt``."""
-    return read_trained(checkpoint) if run is None else TrainedPolicies(checkpoint).load(run)
+    """The policy of a run's checkpoint, or of one of the runs in a sweep's ``policies.pt``.
+
+    Raises
+    ------
+    ValueError
+        With a few names where a sweep's file is given without the name of a run of it.
+    """
+    if run is None:
+        try:
+            names = TrainedPolicies(checkpoint).names
+        except (OSError, ValueError):  # no sweep's
+            return read_trained(checkpoint)
+        raise ValueError(
+            f"{str(checkpoint)!r} holds the policies of a sweep, {len(names)} of them, such as "
+            f"{several(names[:NEAR])}: name one of them (--run)."
+        )
+    policies = TrainedPolicies(checkpoint)
+    if run not in policies.names:
+        near = difflib.get_close_matches(run, policies.names, NEAR, 0.4) or policies.names[:NEAR]
+        raise ValueError(
+            f"run {run!r} is not in {str(checkpoint)!r}, which has {len(policies.names)}: did you "
+            f"mean {' or '.join(near)}?"
+        )
+    return policies.load(run)
 
 
 @dataclass(frozen=True)

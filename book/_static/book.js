@@ -13,6 +13,8 @@ window.addEventListener("DOMContentLoaded", () => {
     const page = fold.closest("li").querySelector("a").textContent.trim();
     fold.setAttribute("aria-label", `Pages of ${page}`);
   }
+  // The search field's text has its keys, which its label leaves out.
+  document.querySelectorAll(".search-button-field").forEach((e) => e.removeAttribute("aria-label"));
   // The bibliography is no list by its children's roles.
   document.querySelectorAll(".citation-list[role=list]").forEach((e) => e.removeAttribute("role"));
   // A figure opens in its own size, so that its small print can be read on a phone.

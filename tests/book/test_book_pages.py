@@ -19,6 +19,8 @@ from thesis_lib.edition.chapters import find
 from thesis_lib.edition.roots import code_of_table
 from thesis_lib.edition.saved import saved
 
+ROOT = Path(__file__).resolve().parents[2]
+
 
 def run(name: str, seconds: float, numpy: str = "2.0", **changes: Any) -> Run:
     manifest = {
@@ -80,6 +82,14 @@ def test_mutants_tell_what_noticed_them_or_why_no_claim_does() -> None:
     stopped = row | {"verdicts": "x: reproduced -> error: a (b) that is cu; y: z", "reason": None}
     text = mutants_markdown(pd.DataFrame([stopped]))
     assert "| yes | x: reproduced → stopped by an error; y: z | 01234567 |" in text
+
+
+def test_what_pages_include_has_a_stub_in_the_checkout() -> None:
+    """So that a bare `jupyter-book build .` finds every file."""
+    pages = [file.read_text(encoding="utf-8") for file in (ROOT / "book").glob("*.md")]
+    included = set(re.findall(r"\{include\} _generated/(\S+)", "\n".join(pages)))
+    assert "deepest.md" in included
+    assert included <= {file.name for file in (ROOT / "book" / "_generated").iterdir()}
 
 
 def test_the_drills_that_are_committed_are_all_there_and_none_failed() -> None:

@@ -41,6 +41,18 @@ def test_what_to_take_away_comes_after_the_title() -> None:
     assert merge(source, None, {}).cells == [title, told, *others]
 
 
+def test_the_book_folds_imports_and_shows_parameters_and_what_both_print() -> None:
+    source = notebook("prose", executed=False)
+    source.cells[2].id = "imports"
+    run = notebook("prose", executed=True)
+    parameters, _, imports = merge(source, run, {}).cells
+    assert parameters.metadata.tags == ["parameters"]
+    assert imports.metadata.tags == ["hide-input"]
+    assert imports.metadata.mystnb["code_prompt_show"] == "Show the imports"
+    assert imports.outputs[0].text == "1\n"
+    assert "tags" not in source.cells[2].metadata
+
+
 def test_merge_without_a_run_is_the_source() -> None:
     source = notebook("new", executed=False)
     assert merge(source, None, {"budget": "smoke"}) == source

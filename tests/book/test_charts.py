@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 
 from thesis_lib.book import charts
+from thesis_lib.chapter5.cells import NETS
+from thesis_lib.edition.plots import COLOURS
 
 
 def rows(chart: Any) -> list[dict[str, Any]]:
@@ -77,6 +79,13 @@ def test_every_robot_has_nine_networks_and_one_on_hills_seven() -> None:
     assert {len(nets[task]) for task in flat} == {9}
     assert len(nets["HalfCheetah on hills"]) == 7
     assert last["HalfCheetah"] >= 3_000_000  # the study's runs and not the shorter ones
+
+
+def test_networks_have_the_colours_of_figure_5_3() -> None:
+    scale = charts.learning().to_dict()["encoding"]["color"]["scale"]
+    colour = dict(zip(scale["domain"], scale["range"], strict=True))
+    assert set(colour) == {row["architecture"] for row in rows(charts.learning())}
+    assert [colour[net] for net in NETS] == [*COLOURS[: len(NETS)]]
 
 
 def test_the_page_holds_picture_words_and_chart() -> None:

@@ -55,6 +55,17 @@ def test_a_row_tells_where_the_tables_shown_say_another_verdict_and_how_they_are
     assert "`thesis run figure-4.4 --budget thesis`, `thesis run table-3.1` (" in page
 
 
+def test_a_row_has_its_evidence_in_short_and_whole_where_that_is_longer() -> None:
+    many = "Of 9: " + "; ".join(f"{name} {n} ± 1" for n, name in enumerate("abcdefghi", 10)) + "."
+    page = ledger.scoreboard_markdown([replace(JUDGED, finding=Finding(Verdict.REFUTED, many))])
+    short, _, rest = page.partition("<details><summary>The whole evidence</summary>")
+    assert "more below." in short
+    assert "more on the Scoreboard" not in page
+    assert many in rest
+    assert page.count("<details>") == page.count("</details>") == 2
+    assert "The whole evidence" not in ledger.scoreboard_markdown([JUDGED])
+
+
 def test_a_difference_has_a_row() -> None:
     row = Difference(
         *("3-row", "3.4.1", "Q* of Q^mu", "It says.", "1e-5.", "`x`"), effect="Little."
@@ -71,14 +82,17 @@ def test_a_difference_has_a_row() -> None:
 
 
 def test_other_pages_quote_verdict_and_evidence() -> None:
-    told = json.loads(ledger.quoted([replace(JUDGED, finding=Finding(Verdict.REFUTED, "3 of 4."))]))
-    assert told == {"3.4.1-numbers": {"verdict": "refuted (10 of 10)", "evidence": "3 of 4."}}
+    finding = Finding(Verdict.REFUTED, "3 of 4. And so.")
+    told = json.loads(ledger.quoted([replace(JUDGED, finding=finding)]))
+    assert told["3.4.1-numbers"]["verdict"] == "refuted (10 of 10)"
+    assert told["3.4.1-numbers"]["evidence"] == "3 of 4. And so."
+    assert told["3.4.1-numbers"]["first"] == "3 of 4."
 
 
 def test_findings_count_the_claims_of_the_thesis() -> None:
     ours = replace(OWN, claim=replace(OWN.claim, headline=True))
     text = ledger.findings_markdown([JUDGED, ours])
-    assert "Of the thesis's 1 claims on which evidence can bear: 1 refuted." in text
+    assert "Of the thesis's 1 claims that are no proofs and repeat no other: 1 refuted." in text
     assert "- The means are ours. [Refuted](#claim-3.4.1-numbers)." in text
     assert "B.1-own" not in text
 
@@ -105,9 +119,13 @@ def test_the_questions_name_claims_that_are_there() -> None:
     """Each of section 1.3's six questions has both answers."""
     rows = ledger.questions()
     assert len(rows) == 6
-    named = {x for row in rows for x in re.findall(r"\{([^}]+)\}", row["ours"])}
+    named = {x for row in rows for x in re.findall(r"\{([^} ]+)[^}]*\}", row["ours"])}
     assert named <= {claim.id for claim in chapters.claims()}
-    assert all(re.search(r"\{", row["ours"]) and row["thesis"] for row in rows)
+    for row in rows:
+        quoted = re.findall(r"\{(\S+) evidence\}", row["ours"])
+        assert len(quoted) == 1, row["text"]
+        assert f"{{{quoted[0]}}}" in row["ours"]  # a number stands beside its verdict
+        assert row["thesis"]
 
 
 def test_questions_tell_verdicts() -> None:
@@ -116,6 +134,11 @@ def test_questions_tell_verdicts() -> None:
     assert "It is [refuted (10 of 10)](#claim-3.4.1-numbers)." in told
     assert "1. What?\n\n   [[refuted](#claim-3.4.1-numbers)]{.square .refuted}\n" in told
     assert "[]{.square .refuted} refuted, []{.square} open." in told
+    row |= {"ours": "It is {3.4.1-numbers}.\n{3.4.1-numbers evidence}"}
+    more = Finding(Verdict.REFUTED, "Off by Q_d. Not by more.")
+    quoted = ledger.questions_markdown([row], [replace(JUDGED, finding=more)])
+    assert "(#claim-3.4.1-numbers).\nOff by Q<sub>d</sub>.\n" in quoted
+    assert quoted.count("{.square .refuted}\n") == told.count("{.square .refuted}\n") == 1
     with pytest.raises(ValueError, match=r"'0\.2'"):
         ledger.questions_markdown([row | {"ours": "It is {0.2}."}], [JUDGED])
 
@@ -129,11 +152,19 @@ def test_the_scoreboard_tells_what_waits_what_flips_and_what_was_mended() -> Non
     page = ledger.scoreboard_markdown(judged)
     assert (
         "Judged over roots are 3 claims, 3 of them by an earlier state of the code or the "
-        "committed runs; 1 more wait for their roots.\n\n"
-        "No verdict came out in eight of ten roots on\n\n"
-        "- [3.4.1-numbers](#claim-3.4.1-numbers): refuted in 6, reproduced in 4 of 10.\n" in page
+        "committed runs; 1 more wait for their roots.\n"
+        "After the table of claims stand those on which no verdict came out in eight of ten roots "
+        "and those that changed ({numref}`tbl-claims-mended`).\n" in page
     )
-    assert "* - [3.4.1-mended](#claim-3.4.1-mended)\n  - reproduced, now refuted\n  - Noise" in page
+    _, after = page.split(":name: tbl-claims\n")
+    assert (
+        "No verdict came out in eight of ten roots on\n\n- The means are ours "
+        "([3.4.1-numbers](#claim-3.4.1-numbers)): refuted in 6, reproduced in 4 of 10.\n" in after
+    )
+    assert (
+        "* - The means are ours ([3.4.1-mended](#claim-3.4.1-mended))\n"
+        "  - reproduced, now refuted\n  - Noise" in after
+    )
     assert "#claim-3.4.1-same" not in page.replace("(claim-3.4.1-same)", "")
     tally = "| [refuted]{.verdict .refuted}: a proof, an exact computation or a significant"
     assert f"{tally} result says the opposite | 3 | 2 in all roots, 1 waiting |" in page

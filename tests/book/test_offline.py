@@ -29,4 +29,9 @@ def test_folded_code_is_named_by_the_figure_it_makes() -> None:
         *("Show the code of Fig. 3.1", "Hide the code of Fig. 3.1"),
         *("Show the code", "Hide the code"),
     ]
-    assert "aria-label" not in page  # which would be read instead
+    own = fold.replace("code cell source", "the imports")
+    assert re.findall("(?<=>)(?:Show|Hide)[^<]*", named_code(own + fold + figure)) == [
+        *("Show the imports", "Hide the imports"),
+        *("Show the code of Fig. 3.1", "Hide the code of Fig. 3.1"),
+    ]
+    assert "aria-label" not in page + named_code(own)  # which would be read instead

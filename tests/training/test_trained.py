@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from thesis_lib import cli
+from thesis_lib.cli_training import _read
 from thesis_lib.edition.experiment import load
 from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.curves import write
@@ -72,8 +73,11 @@ def test_settings_by_their_former_names(swept: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["policies.pt"], "holds the policies of a sweep, swimmer-flat-ctrnn-0-float32-units-7,"),
-        (["policies.pt", "--run", "ant"], "run 'ant' is not in"),
+        (
+            ["policies.pt"],
+            "holds the policies of a sweep, 5 of them, such as swimmer-flat-ctrnn-0-",
+        ),
+        (["policies.pt", "--run", "ant"], "which has 5: did you mean"),
         (["nothing.pt", "--run", "ant"], "there is no file of policies at"),
         (["curves.csv", "--run", "ant"], "is not a file of policies of `thesis sweep`"),
     ],
@@ -85,6 +89,19 @@ def test_bad_input_is_one_sentence(
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
+
+
+def test_of_many_runs_the_nearest_are_told(swept: Path, tmp_path: Path) -> None:
+    content = torch.load(swept / "policies.pt", weights_only=True)
+    kept = content["policies"]["swimmer-flat-lstm-0-float32"]
+    names = [f"{task}-flat-gru-{seed}-float32" for task in ("ant", "hopper") for seed in range(9)]
+    content["policies"] = dict.fromkeys(names, kept)
+    torch.save(content, path := tmp_path / "policies.pt")
+    with pytest.raises(ValueError, match=r"such as ant-flat-gru-0-float32, .* and ant-flat-gru-4-"):
+        _read(path, None)
+    with pytest.raises(ValueError, match=r"has 18: did you mean hopper-flat-gru-8-float32 or") as e:
+        _read(path, "hoper-flat-gru-8")
+    assert sum(name in str(e.value) for name in names) == 5
 
 
 def test_other_versions_are_refused(swept: Path, tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.chapter2 import one_cliff
+from thesis_lib.chapter5.cells import EXTRA_NETS, NETS
 from thesis_lib.domains.cliff import continuing_cliff, episodic_cliff, layouts
 from thesis_lib.edition.plots import COLOURS
 from thesis_lib.edition.saved import saved
@@ -218,7 +219,11 @@ def learning() -> alt.Chart:
             x=alt.X("steps:Q", title="control steps"),
             y=alt.Y("mean_return:Q", title="mean return of a batch"),
             color=alt.Color(
-                "architecture:N", title="network", scale=alt.Scale(range=[*COLOURS, "#777777"])
+                "architecture:N",
+                title="network",
+                scale=alt.Scale(  # as in figure 5.3
+                    domain=[*NETS, *EXTRA_NETS], range=[*COLOURS, "#777777"]
+                ),
             ),
             opacity=alt.when(nets).then(alt.value(1)).otherwise(alt.value(0.12)),
         )

@@ -7,20 +7,21 @@ import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence, Set
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
 from thesis_lib.book.thesis_items import link
 from thesis_lib.edition import roots
 from thesis_lib.edition.deepest import committed
-from thesis_lib.edition.ledger import MEANING, Difference, Judgement, Verdict
+from thesis_lib.edition.ledger import MEANING, Claim, Difference, Judgement, Verdict
 from thesis_lib.edition.scoreboard import effect
 from thesis_lib.edition.words import brief, plain, several, typeset
 
 _CLASSES = ("exact", "in all roots", "in most roots", "in no eight of ten", "waiting")
 
-_NAMED = re.compile(r"\{([^}]+)\}")
-"""A claim in an answer of :func:`questions`."""
+_NAMED = re.compile(r"\{([^} ]+)( evidence)?\}")
+"""A claim, or its evidence, in an answer of :func:`questions`."""
 
 _CHAPTERS = {
     "1": "ch-introduction",
@@ -38,9 +39,23 @@ _CHAPTERS = {
 def quoted(judged: Iterable[Judgement]) -> str:
     """Verdict and evidence of every claim by id, as JSON, for the roles of other pages."""
     verdicts = {
-        j.claim.id: {"verdict": j.in_words(), "evidence": brief(j.finding.evidence)} for j in judged
+        j.claim.id: {
+            "verdict": j.in_words(),
+            "evidence": brief(j.finding.evidence),
+            "first": first_sentence(j.finding.evidence),
+        }
+        for j in judged
     }
     return json.dumps(verdicts, indent=1, ensure_ascii=False) + "\n"
+
+
+def first_sentence(evidence: str) -> str:
+    """The first sentence of evidence, without long lists of numbers.
+
+    >>> first_sentence("It is 3 of 4. The rest follows.")
+    'It is 3 of 4.'
+    """
+    return f"{brief(evidence).partition('. ')[0].rstrip('.')}."
 
 
 def by_place(rows: Iterable[Difference]) -> str:
@@ -62,6 +77,7 @@ def scoreboard_markdown(judged: Sequence[Judgement]) -> str:
     theirs = [j for j in listed if not j.claim.ours]
     title = "Every claim of the thesis, in its order"
     lines += _claims(theirs, earlier, title, name="tbl-claims", look="ledger")
+    lines += [*_flips(judged), *_mended(judged)]
     if ours := [j for j in listed if j.claim.ours]:
         title = "Claims of our own, which the thesis at most implies or our runs suggested"
         lines += [f":::::{{dropdown}} {title}"]
@@ -91,9 +107,11 @@ def _claim(j: Judgement, *, earlier: bool) -> list[str]:
     made = made or [f"thesis claims {claim.id}"]
     over = "; the verdicts over roots are of earlier code or runs" * earlier
     again = f"; over roots `thesis claims {claim.id} --seeds 10`" if claim.experiments else ""
-    details = [
+    whole, short = j.finding.evidence, brief(j.finding.evidence)
+    details: list[str | _Folded] = [
         *([f"*On the tables shown* the verdict is {j.here}."] if j.here else []),
-        j.finding.evidence,
+        short.replace("more on the Scoreboard", "more below"),
+        *([_Folded("The whole evidence", [whole])] if short != whole else []),
         f"*Criterion*: {claim.criterion}",
         f"*Made by*: {', '.join(f'`{m}`' for m in made)} (budget: {j.budget}){again}{over}.",
         *([f"*Shown in*: {link(claim.figure)}."] if claim.figure else []),
@@ -103,7 +121,7 @@ def _claim(j: Judgement, *, earlier: bool) -> list[str]:
         *([f"    {j.over.frequency}"] if j.over else []),
         f"  - (claim-{claim.id})=",
         f"    {typeset(claim.statement)}",
-        *_dropdown("Evidence", details),
+        *_dropdown(_Folded("Evidence", details)),
         f"  - {_where(claim.at, claim.section)}",
         *(f"    [{word}]{{.mark}}" for word in about[1:]),
     ]
@@ -125,7 +143,7 @@ def differences_markdown(rows: Iterable[Difference], results: Path | str) -> str
             f"* - {_where(row.at, row.section)}",
             f"  - (difference-{row.id})=",
             f"    **{topic}.** {typeset(row.ours)}",
-            *_dropdown("The text, the option, the effect", details),
+            *_dropdown(_Folded("The text, the option, the effect", details)),
         ]
     return "\n".join([*lines, "::::", ""])
 
@@ -134,7 +152,10 @@ def findings_markdown(judged: Sequence[Judgement]) -> str:
     """The tally and the verdicts on the headline claims, for chapter 6."""
     tally = Counter(j.verdict for j in judged if _counts(j))
     counts = several(f"{tally[v]} {v}" for v in Verdict if tally[v])
-    lines = [f"Of the thesis's {tally.total()} claims on which evidence can bear: {counts}.", ""]
+    lines = [
+        f"Of the thesis's {tally.total()} claims that are no proofs and repeat no other: {counts}.",
+        "",
+    ]
     lines += [
         f"- {typeset(j.claim.statement)} [{str(j.verdict).capitalize()}](#claim-{j.claim.id})."
         for j in judged
@@ -144,7 +165,11 @@ def findings_markdown(judged: Sequence[Judgement]) -> str:
 
 
 def questions() -> list[dict[str, str]]:
-    """The six research questions: ``text``, ``thesis``, and ``ours`` with claims in braces."""
+    """The six research questions: ``text``, ``thesis``, and ``ours``.
+
+    In ``ours`` a claim's id in braces stands for its verdict, and one that ``evidence`` follows
+    for the first sentence of its evidence.
+    """
     file = resources.files("thesis_lib.chapter6") / "questions.toml"
     found: list[dict[str, str]] = tomllib.loads(file.read_text(encoding="utf-8"))["question"]
     return found
@@ -165,22 +190,24 @@ def questions_markdown(rows: Iterable[Mapping[str, str]], judged: Iterable[Judge
             raise ValueError(f"questions.toml names a claim {claim!r}, which is not there.")
         return by_id[claim]
 
-    def verdict(found: re.Match[str]) -> str:
-        return f"[{judgement(found[1]).in_words()}](#claim-{found[1]})"
+    def told(found: re.Match[str]) -> str:
+        own = judgement(found[1])
+        if found[2]:
+            return first_sentence(own.finding.evidence)
+        return f"[{own.in_words()}](#claim-{found[1]})"
 
     overview, answers = [], []
     for number, row in enumerate(rows, 1):
-        named = sorted(
-            map(judgement, _NAMED.findall(row["ours"])), key=lambda j: [*Verdict].index(j.verdict)
-        )
+        ids = [claim for claim, evidence in _NAMED.findall(row["ours"]) if not evidence]
+        named = sorted(map(judgement, ids), key=lambda j: [*Verdict].index(j.verdict))
         squares = " ".join(
             f"[[{j.verdict}](#claim-{j.claim.id})]{{.square .{_slug(j.verdict)}}}" for j in named
         )
         overview += [f"{number}. {row['text']}", "", f"   {squares}", ""]
         answers += [f"### {row['text']}", "", f"**The thesis.** {row['thesis']}", ""]
-        answers += [f"**This edition.** {typeset(_NAMED.sub(verdict, row['ours'].strip()))}", ""]
-    told = (Verdict.REPRODUCED, Verdict.DIRECTION, Verdict.NOT_REPRODUCED, Verdict.REFUTED)
-    legend = [f"[]{{.square .{_slug(verdict)}}} {verdict}" for verdict in told]
+        answers += [f"**This edition.** {typeset(_NAMED.sub(told, row['ours'].strip()))}", ""]
+    settled = (Verdict.REPRODUCED, Verdict.DIRECTION, Verdict.NOT_REPRODUCED, Verdict.REFUTED)
+    legend = [f"[]{{.square .{_slug(verdict)}}} {verdict}" for verdict in settled]
     legend += ["[]{.square} open"]
     return "\n".join([*overview, f"{', '.join(legend)}.", "", *answers])
 
@@ -217,7 +244,7 @@ def _tally(judged: Iterable[Judgement]) -> list[str]:
             lines.append(f"| {mark} | {len(own)} | {often} |")
     return [
         *lines,
-        f"| all on which evidence can bear | {len(evidence)} | |",
+        f"| all that are no proofs and repeat no other | {len(evidence)} | |",
         "",
         f"Besides these, {identities} claims are proofs or arithmetic, which no experiment can "
         f"deny, {repeated} repeat or sum up others, and {ours} are our own.",
@@ -226,7 +253,7 @@ def _tally(judged: Iterable[Judgement]) -> list[str]:
 
 
 def _state(judged: Sequence[Judgement], earlier: Set[str]) -> list[str]:
-    """Which verdicts differ from draw to draw, which are still to be judged, which were mended.
+    """How many claims were judged over roots, and where those stand that differ or were mended.
 
     ``earlier`` are the claims whose verdicts over roots are of earlier code or runs.
     """
@@ -235,30 +262,46 @@ def _state(judged: Sequence[Judgement], earlier: Set[str]) -> list[str]:
         return []
     waiting = sum(_frequency_class(j) == "waiting" for j in judged if not j.claim.rests_on)
     stale = sum(j.claim.id in earlier for j in drawn)
-    flips = [j for j in drawn if j.over and not j.over.held]
     judged_by = f"{stale} of them by an earlier" if stale else "all of them by the present"
     more = f"; {waiting} more wait for their roots" if waiting else ""
     lines = [
         f"Judged over roots are {len(drawn)} claims, {judged_by} state of the code or the "
-        f"committed runs{more}.",
-        "",
+        f"committed runs{more}."
     ]
-    if flips:
-        lines += ["No verdict came out in eight of ten roots on", ""]
-        lines += [
-            f"- [{j.claim.id}](#claim-{j.claim.id}): {j.over.frequency}." for j in flips if j.over
-        ]
-        lines += [""]
+    after = ["those on which no verdict came out in eight of ten roots"] * bool(_flips(judged))
+    after += ["those that changed ({numref}`tbl-claims-mended`)"] * bool(_mended(judged))
+    if after:
+        lines += [f"After the table of claims stand {several(after)}."]
+    return [*lines, ""]
+
+
+def _flips(judged: Iterable[Judgement]) -> list[str]:
+    """The claims on which no verdict came out in eight of ten roots."""
+    flips = [
+        f"- {_named(j.claim)}: {j.over.frequency}."
+        for j in judged
+        if j.over and not j.over.exact and not j.over.held
+    ]
+    return ["No verdict came out in eight of ten roots on", "", *flips, ""] if flips else []
+
+
+def _mended(judged: Iterable[Judgement]) -> list[str]:
+    """The claims whose verdict changed when their criterion or its evidence was mended."""
     mended = [j for j in judged if j.claim.was not in ("", j.verdict, j.finding.verdict)]
     if not mended:
-        return lines
-    lines += ["::::{list-table} Verdicts that changed when a criterion or its evidence was mended"]
+        return []
+    lines = ["::::{list-table} Verdicts that changed when a criterion or its evidence was mended"]
     lines += [":name: tbl-claims-mended", ":header-rows: 1", ""]
     lines += ["* - claim", "  - was, and is", "  - because"]
     for j in mended:
-        lines += [f"* - [{j.claim.id}](#claim-{j.claim.id})", f"  - {j.claim.was}, now {j.verdict}"]
+        lines += [f"* - {_named(j.claim)}", f"  - {j.claim.was}, now {j.verdict}"]
         lines += [f"  - {j.claim.because}"]
     return [*lines, "::::", ""]
+
+
+def _named(claim: Claim) -> str:
+    """A claim's words, with its id as the link to its row."""
+    return f"{typeset(claim.statement).removesuffix('.')} ([{claim.id}](#claim-{claim.id}))"
 
 
 def _by_earlier_code(judgement: Judgement) -> bool:
@@ -290,11 +333,20 @@ def _where(label: str, section: str) -> str:
     return f"[{section}](#{target})" if target else section
 
 
-def _dropdown(title: str, paragraphs: Iterable[str]) -> list[str]:
+@dataclass(frozen=True)
+class _Folded:
+    """A part of a cell that unfolds: its title, and paragraphs or parts within it."""
+
+    title: str
+    parts: Sequence[str | _Folded]
+
+
+def _dropdown(folded: _Folded) -> list[str]:
     """A part of a cell that unfolds, as plain HTML: the page has hundreds."""
-    lines = ["", *_raw(f"<details><summary>{title}</summary>"), ""]
-    for paragraph in paragraphs:
-        lines += [f"    {typeset(paragraph)}", ""]
+    lines = ["", *_raw(f"<details><summary>{folded.title}</summary>"), ""]
+    for part in folded.parts:
+        lines += [f"    {typeset(part)}"] if isinstance(part, str) else _dropdown(part)
+        lines += [""]
     return [*lines, *_raw("</details>")]
 
 

@@ -166,20 +166,23 @@ def _is_mathematics(node: nodes.Node) -> bool:
 
 
 _FOLDED = re.compile(
-    r'<summary aria-label="Toggle hidden content">(.*?)code cell source(.*?)code cell source',
+    r'<summary aria-label="Toggle hidden content">(.*?)</summary>',
     re.DOTALL,
 )
 """What unfolds the code of a cell."""
 
 
 def named_code(page: str) -> str:
-    """A page whose folded code is told apart by the figure or table it makes, if any."""
+    """A page whose folded code is told apart by the figure or table it makes, if any.
+
+    A cell that names its button itself keeps that name.
+    """
 
     def named(found: re.Match[str]) -> str:
         own = re.split('<summary|<section|<div class="cell ', page[found.end() :], maxsplit=1)[0]
         caption = re.search(r'<span class="caption-number">([^<]*?)\s*<', own)
         what = f"the code of {caption[1]}" if caption else "the code"
-        return f"<summary>{found[1]}{what}{found[2]}{what}"
+        return f"<summary>{found[1].replace('code cell source', what)}</summary>"
 
     return _FOLDED.sub(named, page)
 

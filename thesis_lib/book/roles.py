@@ -32,7 +32,8 @@ class _Quote(SphinxRole):
         if ledger and self.text not in ledger:
             message = f"the ledger has no claim {self.text!r}"
             self.inliner.reporter.warning(message, line=self.lineno)
-        return dict(ledger.get(self.text, {"verdict": "not built", "evidence": "Not built."}))
+        missing = {"verdict": "not built", "evidence": "Not built.", "first": "Not built."}
+        return dict(ledger.get(self.text, missing))
 
 
 def _link(target: str, words: str, docname: str) -> nodes.Node:
@@ -64,10 +65,7 @@ class Evidence(_Quote):
     def run(self) -> tuple[list[nodes.Node], list[nodes.system_message]]:
         """Make the text."""
         self.text, _, part = self.text.partition(" ")
-        evidence = self.claim()["evidence"]
-        if part == "first":
-            evidence = f"{evidence.partition('. ')[0].rstrip('.')}."
-        return [nodes.Text(evidence)], []
+        return [nodes.Text(self.claim()["first" if part == "first" else "evidence"])], []
 
 
 def _tell_differences(app: Any, doctree: nodes.document) -> None:

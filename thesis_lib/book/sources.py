@@ -16,6 +16,9 @@ PARAMETERS_TAG = "parameters"
 TAKEAWAY_TAG = "takeaway"
 """Of the cell that sums a notebook up: computed at its end, and shown at its head."""
 
+IMPORTS = "imports"
+"""Id of the cell that imports a chapter, which the book folds."""
+
 
 def read(path: Path) -> Any:
     """Read a notebook and check that the build can run it.
@@ -110,7 +113,16 @@ def merge(source: Any, executed: Any | None, values: dict[str, object]) -> Any:
         cells[0].source = with_values(cells[0].source, values)
     for cell in merged.cells:
         inline.fill(cell, known.get(cell.id, {}))
+        if cell.id == IMPORTS:
+            _fold(cell, "the imports")
     takeaways = [cell for cell in merged.cells if TAKEAWAY_TAG in cell.metadata.get("tags", ())]
     title, *others = [cell for cell in merged.cells if cell not in takeaways]
     merged.cells = [title, *takeaways, *others]
     return merged
+
+
+def _fold(cell: Any, what: str) -> None:
+    """Hide a cell's code behind a button that names it; what it prints stays in sight."""
+    cell.metadata["tags"] = [*cell.metadata.get("tags", ()), "hide-input"]
+    prompts = {"code_prompt_show": f"Show {what}", "code_prompt_hide": f"Hide {what}"}
+    cell.metadata["mystnb"] = {**cell.metadata.get("mystnb", {}), **prompts}

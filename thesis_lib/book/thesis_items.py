@@ -129,5 +129,5 @@ def _run(experiment: Experiment) -> str:
     ):
         made = "re-run at the printed budget"
     else:
-        made = "re-run at the book's budget"
+        made = "re-run with other numbers"
     return f"{made}, `thesis run {experiment.id}`"
