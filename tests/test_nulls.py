@@ -353,7 +353,7 @@ CASES = {
     "3.6-order-not-level": Case(moved()),
     "3.6-reversal-is-level": Case(moved()),
     "3.6-scaling": Case(scaled(), (noise, few)),
-    "6.1-q-star": Case(one_domain(Q_mu=100.0), (few,), (one_domain(),)),
+    "6.1-q-star": Case(one_domain(), (few,), (one_domain(Q_star=110.0),)),
     "6.1-q-tilde": Case(one_domain(), (few,), (one_domain(Q_star=110.0),)),
     "6.1-q-mu-average": Case(one_domain()),
     "6.1-q-mu-high-risk": Case(high_risk(), (noise, few), (high_risk(q_mu=-5.0),)),

@@ -6,7 +6,7 @@ import pandas as pd
 
 from thesis_lib.chapter3 import best_kind, figure_3_1, table_3_1
 from thesis_lib.chapter3.runs import LEARNERS, NAMES, SHAPED, at_best, compared
-from thesis_lib.edition.criteria import no_greater, ordered, positive
+from thesis_lib.edition.criteria import best, no_greater, ordered, positive
 from thesis_lib.edition.ledger import Finding, criterion
 
 OTHERS = {name: tuple(other for other in SHAPED if other != name) for name in SHAPED}
@@ -14,16 +14,12 @@ OTHERS = {name: tuple(other for other in SHAPED if other != name) for name in SH
 
 @criterion("6.1-q-star", *best_kind.TABLES)
 def q_star_does_not_outperform(*tables: pd.DataFrame) -> Finding:
-    """Q* against both others, on every domain and learner."""
-    return no_greater(
-        [
-            compared(own, "Q_star", other, where)
-            for where, own in best_kind.by_setting(*tables).items()
-            for other in OTHERS["Q_star"]
-            if other in set(own.potential)
-        ],
-        0.05,
-    )
+    """Q* against the better of the others, on every domain and learner."""
+    pairs = []
+    for where, own in best_kind.by_setting(*tables).items():
+        other = best(own[own.potential != "Q_star"]).potential
+        pairs.append(compared(own, "Q_star", other, where))
+    return no_greater(pairs, 0.05, choices=len(OTHERS["Q_star"]))
 
 
 @criterion("6.1-q-tilde", *best_kind.TABLES)
