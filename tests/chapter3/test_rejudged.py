@@ -1,6 +1,6 @@
 """Theorem 1 corrected, level against order, covering tours: what is known, and what must fail."""
 
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 import pandas as pd
@@ -16,6 +16,7 @@ from thesis_lib.chapter3 import (
     levels,
     shaping,
     theorem_1,
+    two_values,
 )
 from thesis_lib.domains import continuing_cliff
 from thesis_lib.edition.ledger import Verdict
@@ -155,6 +156,23 @@ def test_levels_can_fail() -> None:
     turned = table.assign(mean=table["mean"].to_numpy()[::-1], largest_rise=1.0)
     assert {judge(turned).verdict for judge in every} == {Verdict.NOT_REPRODUCED}
     assert levels.never_above_q_star(turned).verdict is Verdict.REFUTED
+
+
+def test_values_on_the_side_go_that_way_and_without_a_spread_show_no_more() -> None:
+    rows = [
+        {**{"domain": d, "potential": p, "steps": n, "relative_error": 1 / n}, "mean_return": 90.0}
+        for d, p, n in product(("one", "two"), ("Q_star", "Q_tilde"), (10, 1000))
+    ]
+    more = {"ci95": 0.1, "n_runs": 200, "exact_mean": 100.0, "exact_ci95": 0.1}
+    table = pd.DataFrame(rows).assign(exact_n_runs=200, **more)
+    found = two_values.side_values_are_as_good(table)
+    assert found.verdict is Verdict.DIRECTION  # though the return differs by a tenth
+    assert found.numbers["close"] == 2
+    last = (table.domain == "two") & (table.potential == "Q_tilde") & (table.steps == 1000)
+    worse = table.assign(relative_error=table.relative_error.where(~last, 0.0011))
+    found = two_values.side_values_are_as_good(worse)
+    assert found.verdict is Verdict.INCONCLUSIVE  # a tenth larger
+    assert found.numbers["close"] == 1
 
 
 def test_the_threshold_of_huddling_can_fail() -> None:
