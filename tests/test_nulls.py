@@ -294,8 +294,8 @@ def searches_alike(table: Table, rng: np.random.Generator) -> Table:
     return table.assign(value=-50.0)
 
 
-def solutions() -> dict[str, Table]:
-    row = {"discount": 0.9, "reward_per_step": 0.0, "best_reward_per_step": 1.0}
+def solutions(best: float = 1.0) -> dict[str, Table]:
+    row = {"discount": 0.9, "reward_per_step": 0.0, "best_reward_per_step": best}
     return {"ch3-sarsa-solution": pd.DataFrame([row | {"reaches_goal": False}] * 8)}
 
 
@@ -318,7 +318,7 @@ CASES = {
     "3.3.5-ga-missed-mu-star": Case(searches(), (searches_alike,)),
     "3.3.5-mu-star-is-poor": Case(searches(), (searches_alike,)),
     "3.3.5-tour-as-potential": Case(rooms()),
-    "3.4.2-sarsa-is-wrong": Case(solutions(), (reach,)),
+    "3.4.2-sarsa-is-wrong": Case(solutions(), (reach,), (solutions(best=0.0),)),
     "3.4.2-sarsa-no-better": Case(figure_3_1(), (few,), (figure_3_1(q_learning=50.0),)),
     "3.4.2-unshaped-sarsa-best": Case(figure_3_1(), (noise, few), (figure_3_1(low=2.0),)),
     "3.4.2-shaped-overtakes": Case(figure_3_1(), fails=(figure_3_1(high=2.0),)),
