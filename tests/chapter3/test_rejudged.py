@@ -179,6 +179,10 @@ def test_the_threshold_of_huddling_can_fail() -> None:
     table = pd.DataFrame({"discount": [0.9, 0.95], "threshold": [0.04, 0.06]})
     assert huddle.huddle_threshold(table).verdict is Verdict.REPRODUCED
     assert huddle.huddle_threshold(table + 0.01).verdict is Verdict.NOT_REPRODUCED
+    found = huddle.huddle_threshold(table)
+    assert "tasks that differ by at most 0:" in found.evidence
+    apart = pd.concat([table, table.assign(threshold=[0.04, 0.055])])
+    assert "tasks that differ by at most 0.0050:" in huddle.huddle_threshold(apart).evidence
 
 
 def test_detours_can_fail() -> None:
