@@ -94,21 +94,8 @@ def thresholds(config: Config, context: Context) -> list[Threshold]:
 
 
 def reaches_goal(domain: Domain, task: int, q: FloatArray) -> bool:
-    """Whether the greedy policy ever reaches the goal from the start.
-
-    Steps are deterministic, so the greedy path either earns the goal's reward or comes
-    back to a state it has been in.
-    """
-    mdp = domain.tasks[task]
-    state, seen = int(np.argmax(mdp.start)), set()
-    goal_reward = mdp.reward.max()
-    while state not in seen:
-        seen.add(state)
-        action = int(np.argmax(q[state]))
-        if mdp.reward[state, action] == goal_reward:
-            return True
-        state = int(mdp.outcomes().successor[state, action, 0])
-    return False
+    """Whether the greedy policy ever reaches the goal from the start."""
+    return path_length(domain.tasks[task], q) >= 0
 
 
 @dataclass(frozen=True)
@@ -162,7 +149,11 @@ def detours(config: Rates, context: Context) -> list[Path]:
 
 
 def path_length(mdp: MDP, q: FloatArray) -> int:
-    """Steps of the greedy path from the start to the goal, -1 if it never gets there."""
+    """Steps of the greedy path from the start to the goal, -1 if it never gets there.
+
+    Steps are deterministic, so the path either earns the goal's reward or comes back to a state
+    it has been in.
+    """
     state, path = int(np.argmax(mdp.start)), list[int]()
     while state not in path:
         path.append(state)
