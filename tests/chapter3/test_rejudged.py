@@ -158,6 +158,16 @@ def test_levels_can_fail() -> None:
     assert levels.never_above_q_star(turned).verdict is Verdict.REFUTED
 
 
+def test_the_best_unshaped_sarsa_can_be_refuted_or_right_in_direction_only() -> None:
+    rows = [("none", 100.0), ("Q_star", 90.0), ("Q_tilde", 90.0), ("Q_tilde_sarsa", 90.0)]
+    table = pd.DataFrame(rows, columns=["potential", "mean_return"]).assign(discount=0.9, sd=1.0)
+    table = table.assign(algorithm="sarsa", alpha=0.1, n_runs=8)
+    judge = figure_3_1.unshaped_sarsa_is_best
+    assert judge(table).verdict is Verdict.REPRODUCED  # 10 apart, standard error a half
+    assert judge(table.assign(sd=100.0)).verdict is Verdict.DIRECTION
+    assert judge(table.assign(mean_return=-table.mean_return)).verdict is Verdict.REFUTED
+
+
 def test_values_on_the_side_go_that_way_and_without_a_spread_show_no_more() -> None:
     rows = [
         {**{"domain": d, "potential": p, "steps": n, "relative_error": 1 / n}, "mean_return": 90.0}
