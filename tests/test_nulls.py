@@ -445,3 +445,11 @@ def test_it_does_not_hold_on_its_null(claim: str, null: Null) -> None:
 def test_it_does_not_hold_where_it_must_not(claim: str) -> None:
     for tables in CASES[claim].fails:
         assert CLAIMS[claim].judge(tables).verdict is not Verdict.REPRODUCED
+
+
+def test_what_is_not_always_best_is_neither_shown_nor_half_shown_by_noise() -> None:
+    judge = CLAIMS["3.6-average-not-always-best"].judge
+    rng = np.random.default_rng(0)
+    tables = {name: few(table, rng) for name, table in one_domain(Q_mu=120.0).items()}
+    assert judge(tables).verdict is Verdict.INCONCLUSIVE  # ahead everywhere, by chance or not
+    assert judge(one_domain(Q_star=130.0)).verdict is Verdict.REFUTED
