@@ -126,6 +126,13 @@ def figure_3_2(
     return {"figure-3.2": runs(rows).assign(stasis_ci95=0.02, ci95=0.2)}
 
 
+def unsure_late(table: Table, rng: np.random.Generator) -> Table:
+    """As far ahead late as early, but by runs so spread that no lead is significant."""
+    late = table.step >= 10_000
+    mean = table.mean_return.mask(late & (table.potential != "none"), 11.0)
+    return table.assign(mean_return=mean, sd=table.sd.mask(late, 200.0))
+
+
 def standstill(unshaped: float = 0.7, before: float = 0.0) -> dict[str, Table]:
     """Unshaped Sarsa earns 10 from a level before it until step 30,000, and no more after it."""
     table = figure_3_2(unshaped=unshaped)["figure-3.2"]
@@ -196,6 +203,14 @@ def one_domain(**level: float) -> dict[str, Table]:
     }
 
 
+def against_the_many() -> dict[str, Table]:
+    """Q^mu ahead by 40 in the many settings of the continuing cliff, behind by 15 elsewhere."""
+    tables = one_domain(Q_mu=85.0)
+    own = tables["figure-3.1"]
+    lead = 55.0 * (own.potential == "Q_mu")
+    return {**tables, "figure-3.1": own.assign(mean_return=own.mean_return + lead)}
+
+
 def high_risk(q_mu: float = 5.0, sarsa: float = -5.0) -> dict[str, Table]:
     """Q^mu ahead for Q-learning, what Sarsa learned behind for Sarsa."""
     table = figure_3_1(low=0.0, high=0.0)["figure-3.1"]
@@ -248,32 +263,29 @@ def rooms() -> dict[str, Table]:
     return {"ch3-covering-tour": runs(rows)}
 
 
-def scaled() -> dict[str, Table]:
+def scaled(factor: float = 2.0, name: str = "Q_mu") -> dict[str, Table]:
+    """Factor 1 best for all, but another one for one potential."""
     rows = [
         {
             **{"domain": d, "algorithm": "q_learning", "potential": p, "factor": f},
-            "mean_return": 10.0 - abs(f - 2.0),
+            "mean_return": 10.0 - abs(f - (factor if p == name else 1.0)),
         }
-        for d, p, f in product(("one", "two"), ("Q_star", "Q_mu"), (0.5, 1.0, 2.0))
+        for d, p, f in product(("one", "two"), ("Q_star", "Q_mu", "constant"), (0.0, 0.5, 1.0, 2.0))
     ]
     return {"ch3-scaling": runs(rows)}
 
 
-def on_the_side(learned: float = 100.0) -> dict[str, Table]:
-    rows = [
-        {
-            **{"domain": d, "potential": "Q_tilde", "steps": 1000, "mean_return": learned},
-            **{"exact_mean": 100.0, "exact_ci95": 0.1, "exact_n_runs": 200},
-        }
-        for d in ("one", "two")
-    ]
-    return {"ch3-two-values": runs(rows)}
+def no_shaping() -> dict[str, Table]:
+    """No other factor better than 1, but factor 0, which is no shaping."""
+    table = scaled(name="none")["ch3-scaling"]
+    return {"ch3-scaling": table.assign(mean_return=table.mean_return + 5 * (table.factor == 0))}
 
 
-def searches(ga: float = -3000.0) -> dict[str, Table]:
+def searches(ga: float = -3000.0, uniform: float = -4000.0) -> dict[str, Table]:
+    found = {"uniform": uniform, "ga": ga, "gradient": -2000.0}
     rows = [
         {"domain": "episodic cliff", "objective": o, "method": m, "value": v}
-        for o, (m, v) in product(("start", "stationary"), (("ga", ga), ("gradient", -2000.0)))
+        for o, (m, v) in product(("start", "stationary"), found.items())
     ]
     return {"ch3-mu-star": pd.DataFrame(rows)}
 
@@ -283,8 +295,8 @@ def searches_alike(table: Table, rng: np.random.Generator) -> Table:
     return table.assign(value=-50.0)
 
 
-def solutions() -> dict[str, Table]:
-    row = {"discount": 0.9, "reward_per_step": 0.0, "best_reward_per_step": 1.0}
+def solutions(best: float = 1.0) -> dict[str, Table]:
+    row = {"discount": 0.9, "reward_per_step": 0.0, "best_reward_per_step": best}
     return {"ch3-sarsa-solution": pd.DataFrame([row | {"reaches_goal": False}] * 8)}
 
 
@@ -304,15 +316,17 @@ CASES = {
     "3.4.1-learning-rates": Case(learning_rates(), (turned, scattered, few)),
     "3.3.6-weights": Case(weights(), LIKENESS),
     "3.3.6-stationary-q-mu": Case(weights()),
-    "3.3.5-ga-missed-mu-star": Case(searches(), (searches_alike,)),
-    "3.3.5-mu-star-is-poor": Case(searches(), (searches_alike,)),
+    "3.3.5-ga-missed-mu-star": Case(searches(), (searches_alike,), (searches(uniform=-1500.0),)),
+    "3.3.5-mu-star-is-poor": Case(searches(), (searches_alike,), (searches(uniform=-1500.0),)),
     "3.3.5-tour-as-potential": Case(rooms()),
-    "3.4.2-sarsa-is-wrong": Case(solutions(), (reach,)),
+    "3.4.2-sarsa-is-wrong": Case(solutions(), (reach,), (solutions(best=0.0),)),
     "3.4.2-sarsa-no-better": Case(figure_3_1(), (few,), (figure_3_1(q_learning=50.0),)),
     "3.4.2-unshaped-sarsa-best": Case(figure_3_1(), (noise, few), (figure_3_1(low=2.0),)),
     "3.4.2-shaped-overtakes": Case(figure_3_1(), fails=(figure_3_1(high=2.0),)),
     "3.6-negative-transfer": Case(figure_3_1()),
-    "3.4.2-early-boost": Case(figure_3_2()),
+    "3.4.2-early-boost": Case(
+        figure_3_2(), (*DIFFERENCE, unsure_late), (figure_3_2(late=1.0), figure_3_2(late=0.9))
+    ),
     "3.4.2-net-loss": Case(figure_3_2()),
     "3.4.2-stasis": Case(figure_3_2(), (stasis_noise, stasis_turned)),
     "3.4.2-unshaped-stasis": Case(
@@ -323,7 +337,9 @@ CASES = {
     "3.4.3-no-difference": Case(figure_3_3(), LIKENESS),
     "3.4.3-caption": Case(figure_3_3(star=110.0), (noise, few), (figure_3_3(Q_mu=95.0),)),
     "3.4.4-best": Case(figure_3_4()),
-    "3.4.4-constant": Case(figure_3_4(constant=80.0), (turned,)),
+    "3.4.4-constant": Case(
+        figure_3_4(constant=80.0), fails=(figure_3_4(constant=100.0), figure_3_4(constant=96.0))
+    ),
     "3.4.4-tilde-superior": Case(figure_3_4(), LIKENESS),
     "3.4.4-resistant": Case(
         figure_3_4({"Q_mu": 0.0, "Q_star": 9.0, "Q_tilde": 9.0}),
@@ -341,14 +357,15 @@ CASES = {
     "3.6-tilde-in-two-of-three": Case(every_domain()),
     "3.6-order-not-level": Case(moved()),
     "3.6-reversal-is-level": Case(moved()),
-    "3.6-scaling": Case(scaled(), (noise, few)),
-    "6.1-q-star": Case(one_domain(Q_mu=100.0), (few,), (one_domain(),)),
+    "3.6-scaling": Case(
+        scaled(), (noise, few), (scaled(name="constant"), scaled(name="none"), no_shaping())
+    ),
+    "6.1-q-star": Case(one_domain(), (few,), (one_domain(Q_star=110.0),)),
     "6.1-q-tilde": Case(one_domain(), (few,), (one_domain(Q_star=110.0),)),
-    "6.1-q-mu-average": Case(one_domain()),
+    "6.1-q-mu-average": Case(against_the_many(), fails=(one_domain(Q_mu=120.0),)),
     "6.1-q-mu-high-risk": Case(high_risk(), (noise, few), (high_risk(q_mu=-5.0),)),
     "6.1-wrong-values": Case(high_risk(), (noise, few), (high_risk(sarsa=5.0),)),
     "6.1-too-optimistic": Case(table_3_1()),
-    "3.6-two-values": Case(on_the_side(), LIKENESS),
 }
 
 HELD_ELSEWHERE = {
@@ -359,7 +376,7 @@ HELD_ELSEWHERE = {
         "chapter3",
     ),
     **dict.fromkeys(("3.4.2-huddle", "3.4.2-detours"), "chapter3"),
-    **dict.fromkeys(("3.4.3-levels", "3.3.5-conservative"), "chapter3"),
+    **dict.fromkeys(("3.4.3-levels", "3.3.5-conservative", "3.6-two-values"), "chapter3"),
     **{claim: "chapter2" for claim, _, _ in test_criteria.JUDGED},
     # Not testable, and illustrated: both sides of the illustrations stand there too.
     **dict.fromkeys(("2.3.5-penalty", "2.3.5-trpo-better"), "chapter2"),
@@ -429,3 +446,11 @@ def test_it_does_not_hold_on_its_null(claim: str, null: Null) -> None:
 def test_it_does_not_hold_where_it_must_not(claim: str) -> None:
     for tables in CASES[claim].fails:
         assert CLAIMS[claim].judge(tables).verdict is not Verdict.REPRODUCED
+
+
+def test_what_is_not_always_best_is_neither_shown_nor_half_shown_by_noise() -> None:
+    judge = CLAIMS["3.6-average-not-always-best"].judge
+    rng = np.random.default_rng(0)
+    tables = {name: few(table, rng) for name, table in one_domain(Q_mu=120.0).items()}
+    assert judge(tables).verdict is Verdict.INCONCLUSIVE  # ahead everywhere, by chance or not
+    assert judge(one_domain(Q_star=130.0)).verdict is Verdict.REFUTED

@@ -1,6 +1,6 @@
 """Theorem 1 corrected, level against order, covering tours: what is known, and what must fail."""
 
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 import pandas as pd
@@ -16,6 +16,7 @@ from thesis_lib.chapter3 import (
     levels,
     shaping,
     theorem_1,
+    two_values,
 )
 from thesis_lib.domains import continuing_cliff
 from thesis_lib.edition.ledger import Verdict
@@ -157,10 +158,41 @@ def test_levels_can_fail() -> None:
     assert levels.never_above_q_star(turned).verdict is Verdict.REFUTED
 
 
+def test_the_best_unshaped_sarsa_can_be_refuted_or_right_in_direction_only() -> None:
+    rows = [("none", 100.0), ("Q_star", 90.0), ("Q_tilde", 90.0), ("Q_tilde_sarsa", 90.0)]
+    table = pd.DataFrame(rows, columns=["potential", "mean_return"]).assign(discount=0.9, sd=1.0)
+    table = table.assign(algorithm="sarsa", alpha=0.1, n_runs=8)
+    judge = figure_3_1.unshaped_sarsa_is_best
+    assert judge(table).verdict is Verdict.REPRODUCED  # 10 apart, standard error a half
+    assert judge(table.assign(sd=100.0)).verdict is Verdict.DIRECTION
+    assert judge(table.assign(mean_return=-table.mean_return)).verdict is Verdict.REFUTED
+
+
+def test_values_on_the_side_go_that_way_and_without_a_spread_show_no_more() -> None:
+    rows = [
+        {**{"domain": d, "potential": p, "steps": n, "relative_error": 1 / n}, "mean_return": 90.0}
+        for d, p, n in product(("one", "two"), ("Q_star", "Q_tilde"), (10, 1000))
+    ]
+    more = {"ci95": 0.1, "n_runs": 200, "exact_mean": 100.0, "exact_ci95": 0.1}
+    table = pd.DataFrame(rows).assign(exact_n_runs=200, **more)
+    found = two_values.side_values_are_as_good(table)
+    assert found.verdict is Verdict.DIRECTION  # though the return differs by a tenth
+    assert found.numbers["close"] == 2
+    last = (table.domain == "two") & (table.potential == "Q_tilde") & (table.steps == 1000)
+    worse = table.assign(relative_error=table.relative_error.where(~last, 0.0011))
+    found = two_values.side_values_are_as_good(worse)
+    assert found.verdict is Verdict.INCONCLUSIVE  # a tenth larger
+    assert found.numbers["close"] == 1
+
+
 def test_the_threshold_of_huddling_can_fail() -> None:
     table = pd.DataFrame({"discount": [0.9, 0.95], "threshold": [0.04, 0.06]})
     assert huddle.huddle_threshold(table).verdict is Verdict.REPRODUCED
     assert huddle.huddle_threshold(table + 0.01).verdict is Verdict.NOT_REPRODUCED
+    found = huddle.huddle_threshold(table)
+    assert "tasks that differ by at most 0:" in found.evidence
+    apart = pd.concat([table, table.assign(threshold=[0.04, 0.055])])
+    assert "tasks that differ by at most 0.0050:" in huddle.huddle_threshold(apart).evidence
 
 
 def test_detours_can_fail() -> None:

@@ -86,8 +86,7 @@ def q_star_is_not_always_best(
         f"comparisons, and significantly less in {behind} (Welch, Holm); where Q* does worst, "
         f"{pairs[clearest]}.",
         {"beaten": beaten, "behind": behind},
-        direction=any(ahead),
-        otherwise=Verdict.REFUTED if behind == len(pairs) else Verdict.NOT_REPRODUCED,
+        otherwise=Verdict.REFUTED if behind == len(pairs) else Verdict.INCONCLUSIVE,
     )
 
 

@@ -140,11 +140,7 @@ def unshaped_sarsa_is_best(table: pd.DataFrame) -> Finding:
         unshaped = summary(best(group[group.potential == "none"]))
         shaped = summary(best(group[group.potential.isin(SHAPED)]))
         pairs.append(Pair(unshaped, shaped, ("best unshaped", "best shaped"), f"gamma {gamma:g}"))
-    finding = ordered(pairs, "cumulative reward")
-    # The claim is on significance: a mere order does not support it, nor does its opposite refute.
-    if finding.verdict is not Verdict.REPRODUCED:
-        return Finding(Verdict.NOT_REPRODUCED, finding.evidence, finding.numbers)
-    return finding
+    return ordered(pairs, "cumulative reward")
 
 
 def _over_unshaped(group: pd.DataFrame, alphas: pd.Series) -> dict[str, tuple[float, float]]:

@@ -93,7 +93,7 @@ def levels(config: Config, context: Context) -> list[Level]:
 
 @criterion("3.4.3-levels", levels)
 def triangle_levels(table: pd.DataFrame) -> Finding:
-    """Q* above Q~ above Q^mu at every pair, with the same order of actions."""
+    """Means of Q*, Q~ and Q^mu in that order, none above Q* anywhere, and the greedy actions."""
     at = table[table.domain == "triangle"].set_index("potential")
     star, tilde, mu = (float(at.loc[name, "mean"]) for name in ("Q_star", "Q_tilde", "Q_mu"))
     is_ordered = star > tilde > mu and float(at.largest_rise.max()) <= 1e-9

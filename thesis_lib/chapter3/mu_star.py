@@ -93,28 +93,40 @@ def searches(config: Config, context: Context) -> list[Search]:
 
 @criterion("3.3.5-ga-missed-mu-star", searches)
 def ga_misses_mu_star(table: pd.DataFrame) -> Finding:
-    """Whether every run of the GA stays below exact gradients on the episodic cliff."""
+    """Whether every run of the GA stays below exact gradients that search, on the cliff."""
     by = table[table.domain == "episodic cliff"].set_index(["objective", "method"])
     missed = {}
     for objective in dict.fromkeys(by.index.get_level_values("objective")):
-        ga, gradient = (float(by.value[objective, m]) for m in ("ga", "gradient"))
-        told = f"{objective} weights: {number(ga)}, exact gradients {number(gradient)}"
-        missed[told] = (gradient - ga) / abs(gradient) > 0.01
-    what = "On the episodic cliff the GA's best run stays more than 1% below exact gradients"
+        values = (float(by.value[objective, m]) for m in ("uniform", "ga", "gradient"))
+        uniform, ga, gradient = values
+        told = (
+            f"{objective} weights: {number(ga)}, exact gradients {number(gradient)}, "
+            f"uniform {number(uniform)}"
+        )
+        missed[told] = gradient > uniform and (gradient - ga) / abs(gradient) > 0.01
+    what = (
+        "On the episodic cliff the GA's best run stays more than 1% below exact gradients, which "
+        "find better than the uniform policy,"
+    )
     return share_at_least(missed, 1.0, what, direction=True)
+
+
+POOR = -1000.0
+"""What earns less an episode on the cliff earns little."""
 
 
 @criterion("3.3.5-mu-star-is-poor", searches)
 def mu_star_is_poor_itself(table: pd.DataFrame) -> Finding:
-    """Whether even the best policy found earns far less than the tasks' own optima."""
+    """Whether even the best policy found, by a search that finds something, earns little."""
     at = table[(table.domain == "episodic cliff") & (table.objective == "start")]
-    best = float(at[at.method == "gradient"].value.iloc[0])
-    # Each task's own optimum walks round the cliff in five steps.
+    uniform = float(at[at.method == "uniform"].value.iloc[0])
+    best = float(at[at.method != "uniform"].value.max())
+    searched = Verdict.NOT_REPRODUCED if best > uniform else Verdict.INCONCLUSIVE
     return Finding(
-        Verdict.REPRODUCED if best < -1000 else Verdict.NOT_REPRODUCED,
-        f"The best cross-task policy found earns {number(round(best))} an episode; a task's own "
-        "optimum earns −5.",
-        {"best": best},
+        Verdict.REPRODUCED if uniform < best < POOR else searched,
+        f"The best cross-task policy found earns {number(round(best))} an episode, the uniform one "
+        f"{number(round(uniform))}.",
+        {"best": best, "uniform": uniform},
     )
 
 

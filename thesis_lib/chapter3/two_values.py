@@ -16,8 +16,9 @@ from thesis_lib.chapter3.runs import SETTINGS, TabularLearner, total_rewards
 from thesis_lib.domains import Domain
 from thesis_lib.edition.criteria import Pair, equivalent
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.ledger import Finding, criterion
+from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import COLOURS, PRINTED
+from thesis_lib.edition.words import number, several
 from thesis_lib.mdp.learning import learn
 from thesis_lib.stats import Summary, mean_ci
 
@@ -139,10 +140,34 @@ def learned_on_the_side(config: Config, context: Context) -> list[Return]:
 
 @criterion("3.6-two-values", learned_on_the_side)
 def side_values_are_as_good(table: pd.DataFrame) -> Finding:
-    """Return with Q~ learned on the side for longest against the exact one: within 5%?"""
-    own = table[(table.potential == "Q_tilde") & (table.steps == table.steps.max())]
+    """Error of Q~ learned on the side for longest, against that of Q* from the same runs.
+
+    The table has one mean error over the sets of sources, without their spread: it can show the
+    direction and no more.
+    """
+    at = table[table.steps == table.steps.max()]
+    error = at.pivot(index="domain", columns="potential", values="relative_error")
+    error = error.loc[list(dict.fromkeys(at.domain))]
+    close = (error.Q_tilde <= 1.05 * error.Q_star).to_dict()
+    told = several(
+        f"{number(e.Q_tilde)} for Q~ and {number(e.Q_star)} for Q* ({domain})"
+        for domain, e in error.iterrows()
+    )
+    returns = equivalent(_returns(at[at.potential == "Q_tilde"]), 0.05)
+    return Finding(
+        Verdict.DIRECTION if all(close.values()) else Verdict.INCONCLUSIVE,
+        f"After {at.steps.iloc[0]:,} steps a task the mean error, as a share of the spread of Q~, "
+        f"is {told}; that for Q~ is at most 5% larger in {sum(close.values())} of {len(close)} "
+        "domains, in means over sets of sources whose spread is not known. As a potential, return "
+        f"beside that of the exact Q~: {returns.evidence}",
+        {"close": sum(close.values()), **returns.numbers},
+    )
+
+
+def _returns(side: pd.DataFrame) -> list[Pair]:
+    """Return with what was learned on the side and with the exact potential, by domain."""
     pairs = []
-    for r in own.itertuples():
+    for r in side.itertuples():
         one, other = (
             Summary(mean, half * n**0.5 / float(stats.t.ppf(0.975, n - 1)), n)
             for mean, half, n in (
@@ -151,7 +176,7 @@ def side_values_are_as_good(table: pd.DataFrame) -> Finding:
             )
         )
         pairs.append(Pair(one, other, ("learned on the side", "exact"), r.domain))
-    return equivalent(pairs, 0.05, f"after {own.steps.max():,} steps a task")
+    return pairs
 
 
 def figure(table: pd.DataFrame) -> Figure:
