@@ -38,17 +38,17 @@ def curves(action: float = 0.5, position: float = 0.05, twelve: float = 0.0833) 
     return pd.DataFrame(rows)
 
 
-def theorem_2(step: float) -> dict[str, pd.DataFrame]:
-    """Step from k = 2 to 3 of the example that grows from 0."""
-    steps = {k: {"kind": k, "n_domains": 9, "law_error": 1e-15} for k in KINDS}
-    table = pd.DataFrame(steps.values()).assign(contraction_80=0.5, steps_shrink=0.9)
+def theorem_2(
+    step: float = 0.0, law: float = 0.1, shrink: float = 1.0, contracts: float = 1.0
+) -> dict[str, pd.DataFrame]:
+    """Step from k = 2 to 3 of the example that grows from 0, and how steps go elsewhere."""
+    steps = {k: {"kind": k, "n_domains": 9, "law_error": law} for k in KINDS}
+    table = pd.DataFrame(steps.values()).assign(
+        contraction_80=contracts, steps_shrink=shrink, last_ratio=0.7
+    )
     examples = [
-        {"example": example, "k": k, "step": value, "fraction": "1/2"}
-        for example, by in (
-            ("a step grows from 0", (0.0, 0.0, step, 0.0)),
-            ("ratio of steps tends to 1", (0.0, -0.5, -0.2, -0.1)),
-        )
-        for k, value in enumerate(by, 1)
+        {"example": "a step grows from 0", "k": k, "step": value, "fraction": "1/2"}
+        for k, value in enumerate((0.0, 0.0, step, 0.0), 1)
     ]
     return {"theorem-2": table, "ch4-counterexamples": pd.DataFrame(examples)}
 
@@ -352,7 +352,10 @@ CASES = {
     "4.1.1-twelve": [
         (curves(twelve=0.05), YES), (curves(twelve=0.2), NEARLY), (curves(twelve=0.6), NO),
     ],
-    "4.1.2-theorem-2": [(theorem_2(0.0), YES), (theorem_2(-0.003), WRONG)],
+    "4.1.2-theorem-2": [
+        (theorem_2(), YES), (theorem_2(-0.003), WRONG), (theorem_2(law=1e-15), WRONG),
+        (theorem_2(shrink=0.9), WRONG), (theorem_2(contracts=0.5), UNSURE),
+    ],
     "4.1.2-corollary-1": [(distances(0.001), YES), (distances(0.1), NO)],
     "4.1.2-theorem-3": [(directions(), YES), (directions(both=0.1), WRONG)],
     "4.1.2-increasing": [(directions(increasing=0.1), YES), (directions(), WRONG)],
