@@ -356,6 +356,7 @@ CASES = {
         (theorem_2(), YES), (theorem_2(-0.003), WRONG), (theorem_2(law=1e-15), WRONG),
         (theorem_2(shrink=0.9), WRONG), (theorem_2(contracts=0.5), UNSURE),
     ],
+    "4.1.2-power-law": [(theorem_2(law=1e-15), YES), (theorem_2(law=1e-6), NO)],
     "4.1.2-corollary-1": [(distances(0.001), YES), (distances(0.1), NO)],
     "4.1.2-theorem-3": [(directions(), YES), (directions(both=0.1), WRONG)],
     "4.1.2-increasing": [(directions(increasing=0.1), YES), (directions(), WRONG)],

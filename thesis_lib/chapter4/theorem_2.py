@@ -147,6 +147,18 @@ def is_no_contraction(table: pd.DataFrame, examples: pd.DataFrame) -> Finding:
     )
 
 
+@criterion("4.1.2-power-law", steps)
+def is_a_power_law(table: pd.DataFrame) -> Finding:
+    """Whether k-relevance is a + b/k to rounding where tasks share p(x|m)."""
+    shared = table.set_index("kind").loc["shared"]
+    return judged(
+        shared.law_error < EXACT,
+        f"In {shared.n_domains} random domains with shared p(x|m) k-relevance differs from a + b/k "
+        f"by at most {shared.law_error:.0g} of its largest value, for every k computed.",
+        {"law_error": float(shared.law_error)},
+    )
+
+
 def shown(examples: pd.DataFrame) -> pd.DataFrame:
     """The counterexamples as a table: k-relevance as a fraction, one column a k up to 5."""
     wide = examples[examples.k <= 5].pivot(index="example", columns="k", values="fraction")
