@@ -250,12 +250,24 @@ def by_function(tpr: float) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def dialled(fpr: float = 0.02, tpr: float = 0.99, half: float = 0.01, chance: bool = False):
-    """Rates at a strict and a lax level, far from each other and above chance unless said."""
+def dialled(
+    fpr: float = 0.02,
+    tpr: float = 0.99,
+    half: float = 0.01,
+    chance: bool = False,
+    other: float | None = None,
+) -> pd.DataFrame:
+    """Rates at a strict and a lax level, far from each other and above chance unless said.
+
+    With the other reading the strict level's false positive rate is ``other``, where that is
+    another.
+    """
     rows = [
-        {"domain": domain, "method": "fs-tek", "level": level, "tasks_seen": 5, "fpr": low,
+        {"domain": domain, "method": "fs-tek", "level": level, "tasks_seen": 5, "flat": flat,
+         "fpr": low if other is None or flat == "unsure" or level > 0.5 else other,
          "tpr": low if chance else high, "fpr_ci95": half, "tpr_ci95": half}
         for domain in ("triangle", "cliff")
+        for flat in ("unsure", "limit")
         for level, low, high in ((1e-4, fpr, 0.5), (0.9, 0.9, tpr))
     ]  # fmt: skip
     return pd.DataFrame(rows)
@@ -459,6 +471,8 @@ CASES = {
         (dialled(), YES), (dialled(fpr=0.088), YES), (dialled(fpr=0.09), NEARLY),
         (dialled(fpr=0.11), NO), (dialled(fpr=0.12), WRONG), (dialled(tpr=0.93), WRONG),
         (dialled(chance=True), WRONG), (dialled(half=0.3), NEARLY),
+        # Refuted by neither reading alone, and reproduced by the one used only.
+        (dialled(fpr=0.12, other=0.02), NO), (dialled(other=0.12), YES),
     ],
     "4.3.1-few-tasks": [
         ({"figure-4.4": cliff(late=late), "figure-4.5": cliff(late=late),
