@@ -344,7 +344,9 @@ CASES = {
     "4.2-quadratic": [(subsets(), YES), (subsets(tests=4), WRONG)],
     "4.2-combinations": [(nearer(0.2), YES), (nearer(0.05), NEARLY), (nearer(-0.2), WRONG)],
     "4.3-cliff-tilde-shies": [(pushes(), YES), (pushes(Q_tilde_sensor=0), WRONG)],
-    "4.3-cliff-star-stays": [(pushes(), YES), (pushes(Q_star_sensor=1), WRONG)],
+    "4.3-cliff-star-stays": [
+        (pushes(), YES), (pushes(Q_star_sensor=1), WRONG), (pushes(Q_star_sensor=-1), WRONG),
+    ],
     "4.3-cliff-star-centre": [(pushes(), YES), (pushes(Q_star_position=0), WRONG)],
     "4.3-cliff-tilde-edges": [(pushes(), YES), (pushes(Q_tilde_position=-1), WRONG)],
     "4.3-kept-for-good": [
