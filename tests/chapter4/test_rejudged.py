@@ -181,10 +181,15 @@ def test_the_level_claim_can_fail() -> None:
     ]  # fmt: skip
     table = pd.DataFrame(rows)
     assert scatter.level_is_held(table).verdict is Verdict.REPRODUCED
-    one = table.assign(low=np.where((table.law == "sign") & (table.tasks_seen == 6), 0.1, 0.02))
-    assert scatter.level_is_held(one).verdict is Verdict.DIRECTION
-    null = table.assign(low=np.where(table.law == "gaussian", 0.1, 0.02))
-    assert scatter.level_is_held(null).verdict is Verdict.REFUTED
+    assert scatter.level_is_held(table.assign(high=0.09)).verdict is Verdict.INCONCLUSIVE
+    # Of six cells the interval is norm.isf(.05 / 12) / norm.isf(.025) = 1.346 times as wide.
+    for kept, low, verdict in (
+        (0.3, 0.2, Verdict.REFUTED),
+        (0.08, 0.055, Verdict.INCONCLUSIVE),
+    ):
+        one = table.copy()
+        one.loc[0, ["kept", "low", "high"]] = kept, low, 2 * kept - low
+        assert scatter.level_is_held(one).verdict is verdict
 
 
 def test_winners_are_the_least_regret_and_the_highest_return() -> None:
