@@ -251,9 +251,9 @@ def some_reading_fits(table: pd.DataFrame) -> Finding:
     return Finding(
         verdict,
         f"Of {len(found)} joint readings {found.rates.sum()} give the rates printed for five "
-        f"tasks, {found.gain.sum()} a significant gain there (intervals corrected for all looked at); {found.matches.sum()} are shown "
+        f"tasks, {found.gain.sum()} a significant gain there; {found.matches.sum()} are shown "
         f"to come within {MATCH:.0%} of fixed features, {found.may_match.sum()} may; {len(every)} "
-        f"are shown to do all, {len(some)} may. Nearest: the level of the "
+        f"are shown to do all, {len(some)} may (Bonferroni). Nearest: the level of the "
         f"{best.schedule} with {sampled} and the interval of the {best.interval}, "
         f"{best.fpr:.2f}/{best.tpr:.2f}.",
         {"all": len(every), "fpr": float(best.fpr), "tpr": float(best.tpr)},
