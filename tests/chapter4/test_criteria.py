@@ -396,7 +396,12 @@ CASES = {
     "4.3-stock-sizes": [
         (relevances(), YES), (relevances().assign(n_tasks=3), NO),
     ],
-    "4.3-triangle-improves": [(on_triangle(), YES), (on_triangle(gain=0.4), NO)],
+    # Of two numbers of tasks and rivals intervals are norm.isf(.00625) / norm.isf(.025) = 1.274
+    # times as wide: .637.
+    "4.3-triangle-improves": [
+        (on_triangle(), YES), (on_triangle(gain=0.6), NO), (on_triangle(gain=-1.0), WRONG),
+        (on_triangle().assign(fstek_minus=lambda t: 1.0 * (t.tasks_seen == 5)), NEARLY),
+    ],
     "4.3-triangle-first": [
         (on_triangle(), YES), (on_triangle(gain=0.4), NEARLY), (on_triangle(lead=20), NO),
         (on_triangle(lead=21), UNSURE),
