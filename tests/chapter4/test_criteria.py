@@ -389,6 +389,9 @@ CASES = {
     "4-triangle-features": [
         (relevances(), YES), (relevances(t_x2=(0, 1)), NEARLY), (relevances(t_x1=(1, 1)), NO),
     ],
+    "4-cliff-sensor-both": [
+        (relevances(), YES), (relevances(e_cliff=(0, 9)), NEARLY), (relevances(c_cliff=(9, 0)), NO),
+    ],
     "4.3-triangle-relevance": [(relevances(), YES), (relevances(t_x1=(1, 1)), NO)],
     "4.3-cliff-relevance": [(relevances(), YES), (relevances(e_x=(1, 1)), NO)],
     "4.3-stock-relevance": [(relevances(), YES), (relevances(s_s1=(1, 0)), NO)],
