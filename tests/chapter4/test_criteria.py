@@ -517,6 +517,12 @@ def test_verdicts(claim, tables, verdict):
     assert own.judge(tables).verdict is verdict
 
 
+def test_how_far_curves_are_from_the_law_is_computed():
+    """Through 1 and 2 at k = 1 and 20 it is at 2 - (1/12 - 1/20) / (1 - 1/20) = 1.96 at 12."""
+    found = BY_ID["4.1.1-plateau"].judge({"figure-4.1": curves()})
+    assert "at most 0.9 of the largest" in found.evidence
+
+
 PAIRED = ("fstek_minus", "none_minus", "lead", "ahead", "saved")
 """Columns of paired differences, with their intervals beside them."""
 

@@ -86,10 +86,13 @@ def improves(table: pd.DataFrame) -> Finding:
     better, worse = (n.reindex(["none", "ibkr"], fill_value=0) for n in (better, worse))
     half = own.tasks_seen.nunique() / 2
     five = own[own.tasks_seen == 5]
-    told = several(
-        f"{plus_minus(r.fstek_minus, r.fstek_minus_ci95)} over {SYMBOLS[r.method]} at "
-        f"{r.tasks_seen}"
-        for r in own.sort_values(["method", "tasks_seen"], ascending=[False, True]).itertuples()
+    told = "; ".join(
+        f"over {SYMBOLS[m]} "
+        + several(
+            f"{plus_minus(r.fstek_minus, r.fstek_minus_ci95)} at {r.tasks_seen}"
+            for r in own[own.method == m].itertuples()
+        )
+        for m in better.index
     )
     counted = several(
         f"{better[m]} better and {worse[m]} worse than {SYMBOLS[m]}" for m in better.index
@@ -102,7 +105,7 @@ def improves(table: pd.DataFrame) -> Finding:
         ),
         f"Of {own.tasks_seen.nunique()} numbers of tasks from {own.tasks_seen.min()} to "
         f"{own.tasks_seen.max()} FS-TEK is at {counted}, significantly (paired, Bonferroni; n = "
-        f"{own.n_runs.max()}): {told} tasks.",
+        f"{own.n_runs.max()}): {told}.",
         {m: int(better[m]) for m in better.index},
     )
 
