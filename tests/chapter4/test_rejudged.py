@@ -57,8 +57,8 @@ def reading(n: int, fpr: float, gain: float, behind: float, most: int = 5) -> di
     return {
         **{"schedule": "words", "max_seqs": most, "interval": "curve", "tasks_seen": n},
         **{"fpr": fpr, "tpr": 1.0, "over_none": gain, "over_none_ci95": 1.0},
-        **{"over_fixed": behind, "over_fixed_ci95": 1.0, "sampling": "combinations"},
-        **{"mean_return": 100.0},
+        **{"over_fixed": behind, "over_fixed_ci95": 1.0, "rate_error": 0.1},
+        **{"mean_return": 100.0, "sampling": "combinations"},
     }
 
 
@@ -85,11 +85,29 @@ def test_a_joint_reading_must_meet_all_that_is_printed(
     assert joint_search.some_reading_fits(table).verdict is verdict
 
 
-def test_one_reading_without_a_rise_refutes_the_rise() -> None:
+def test_a_gain_found_among_many_readings_is_corrected_for_them() -> None:
+    """Of 20 its interval is norm.isf(.00125) / norm.isf(.025) = 1.54 times as wide."""
+    for readings, verdict in ((1, Verdict.REPRODUCED), (20, Verdict.NOT_REPRODUCED)):
+        rows = [reading(n, 0.45, 1.3, 0.5, most) for most in range(readings) for n in (5, 8)]
+        assert joint_search.some_reading_fits(with_fixed(rows)).verdict is verdict
+
+
+@pytest.mark.parametrize(
+    ("last", "error", "verdict"),
+    [
+        # Of two readings intervals are 1.144 times as wide: .162 of the difference.
+        (0.7, 0.1, Verdict.REPRODUCED),
+        (0.5, 0.1, Verdict.INCONCLUSIVE),
+        (0.3, 0.1, Verdict.INCONCLUSIVE),
+        (0.1, 0.1, Verdict.REFUTED),
+        (0.1, 0.2, Verdict.INCONCLUSIVE),
+    ],
+)
+def test_the_rise_is_judged_by_intervals(last: float, error: float, verdict: Verdict) -> None:
     rise = [reading(n, fpr, 2, 0, most) for most in (0, 5) for n, fpr in ((5, 0.4), (8, 0.7))]
-    assert joint_search.false_positives_rise(with_fixed(rise)).verdict is Verdict.REPRODUCED
-    rise[-1]["fpr"] = 0.4
-    assert joint_search.false_positives_rise(with_fixed(rise)).verdict is Verdict.REFUTED
+    rise[-1]["fpr"] = last
+    table = with_fixed(rise).assign(rate_error=error)
+    assert joint_search.false_positives_rise(table).verdict is verdict
 
 
 def test_sequences_with_repeats_give_the_curve_of_definition_5() -> None:
@@ -163,10 +181,15 @@ def test_the_level_claim_can_fail() -> None:
     ]  # fmt: skip
     table = pd.DataFrame(rows)
     assert scatter.level_is_held(table).verdict is Verdict.REPRODUCED
-    one = table.assign(low=np.where((table.law == "sign") & (table.tasks_seen == 6), 0.1, 0.02))
-    assert scatter.level_is_held(one).verdict is Verdict.DIRECTION
-    null = table.assign(low=np.where(table.law == "gaussian", 0.1, 0.02))
-    assert scatter.level_is_held(null).verdict is Verdict.REFUTED
+    assert scatter.level_is_held(table.assign(high=0.09)).verdict is Verdict.INCONCLUSIVE
+    # Of six cells the interval is norm.isf(.05 / 12) / norm.isf(.025) = 1.346 times as wide.
+    for kept, low, verdict in (
+        (0.3, 0.2, Verdict.REFUTED),
+        (0.08, 0.055, Verdict.INCONCLUSIVE),
+    ):
+        one = table.copy()
+        one.loc[0, ["kept", "low", "high"]] = kept, low, 2 * kept - low
+        assert scatter.level_is_held(one).verdict is verdict
 
 
 def test_winners_are_the_least_regret_and_the_highest_return() -> None:

@@ -82,12 +82,20 @@ def some_plateau(table: pd.DataFrame) -> Finding:
     by = _forward(table)
     left = {f: float(curve.iloc[-1] / curve[1]) for f, curve in by.items()}
     ends = several(f"{FEATURES[f]} from {c[1]:.2f} to {abs(c.iloc[-1]):.2f}" for f, c in by.items())
+    misfit = max(map(_misfit, by.values())) / max(curve.abs().max() for curve in by.values())
     return judged(
         all(0.1 < left[f] < 1 for f in ("a", "x2")) and left["x1"] < 0.1,
-        f"Exact forward relevance from k = 1 to {table.k.max()}: {ends}. Each curve is of the "
-        "form a + b/k.",
+        f"Exact forward relevance from k = 1 to {table.k.max()}: {ends}. From a + b/k through its "
+        f"ends each curve differs by at most {misfit:.0g} of the largest relevance.",
         left,
     )
+
+
+def _misfit(curve: pd.Series) -> float:
+    """Largest distance of a curve over k from a + b/k through its ends."""
+    part = (1 / curve.index - 1 / curve.index[-1]) / (1 / curve.index[0] - 1 / curve.index[-1])
+    law = curve.iloc[-1] + (curve.iloc[0] - curve.iloc[-1]) * part
+    return float((curve - law).abs().max())
 
 
 @criterion("4.1.1-twelve", curves)

@@ -132,9 +132,9 @@ def tilde_shies(table: pd.DataFrame) -> Finding:
 
 @criterion("4.3-cliff-star-stays", pushes)
 def star_stays(table: pd.DataFrame) -> Finding:
-    """Whether Q* prefers the step away at no reading of the sensor."""
+    """Whether Q* prefers steps along the cliff, neither away nor into it, at every reading."""
     own, told = _told(table, "Q_star", "sensor")
-    return judged((own.outward < 1).all(), told, otherwise=Verdict.REFUTED)
+    return judged((own.outward == 0).all(), told, otherwise=Verdict.REFUTED)
 
 
 @criterion("4.3-cliff-star-centre", pushes)

@@ -154,6 +154,31 @@ def cliff_relevance(table: pd.DataFrame) -> Finding:
     )
 
 
+@criterion("4-cliff-sensor-both", relevances)
+def cliff_sensor(table: pd.DataFrame) -> Finding:
+    """Exact 1-relevance and domain relevance of the cliff sensor, removed alone."""
+    by = {name: _of(table, name).loc["cliff"] for name in ("continuing cliff", "episodic cliff")}
+    task, domain = (
+        all(own[f"{kind}_relevance"] > ROUNDING for own in by.values())
+        for kind in ("task", "domain")
+    )
+    listed = several(
+        f"{own.task_relevance:,.2g} and {own.domain_relevance:,.0f} ({name})"
+        for name, own in by.items()
+    )
+    return judged(
+        task and domain,
+        f"Task and domain relevance of removing it alone: {listed}. What counts as none is below "
+        f"{ROUNDING:.0g}; within a task the position may give it away.",
+        {
+            f"{name} {kind}": float(own[f"{kind}_relevance"])
+            for name, own in by.items()
+            for kind in ("task", "domain")
+        },
+        direction=domain,
+    )
+
+
 def _statements(own: pd.DataFrame) -> list[bool]:
     """Whether each of the four statements on the stock domain's features holds."""
     factors = [f for f in own.index if f.startswith("g")]

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from thesis_lib.arrays import BoolArray
 from thesis_lib.chapter4 import looks
 from thesis_lib.chapter4.figure_4_4 import POSITION
 from thesis_lib.chapter4.looks import SYMBOLS, two_rates
@@ -19,6 +20,7 @@ from thesis_lib.domains import Domain, continuing_cliff, stock, triangle
 from thesis_lib.domains.planted import random_domain, torus
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.plots import unclutter
+from thesis_lib.relevance import Solutions
 from thesis_lib.selection import (
     FSTEK,
     IBKR,
@@ -82,6 +84,13 @@ class Place(Placed):
     """Share of runs with exactly the relevant features kept."""
 
 
+def labelled(name: str) -> tuple[Solutions, BoolArray]:
+    """Solutions of a domain, and which features are relevant there, the cliff's position not."""
+    solutions = exact_solutions(FAMILIES[name]())
+    truth = ExactRelevance().fit(solutions).support_
+    return solutions, truth & ~solutions.mask(POSITION) if name == "cliff" else truth
+
+
 @experiment(
     "ch4-roc",
     item="Jackknife F (ROC)",
@@ -94,10 +103,7 @@ def places(config: Config, context: Context) -> list[Place]:
     """False and true positive rates of FS-TEK, IBKR, F-test and cross-validation, on 8 domains."""
 
     def one(name: str) -> list[Place]:
-        solutions = exact_solutions(FAMILIES[name]())
-        truth = ExactRelevance().fit(solutions).support_
-        if name == "cliff":
-            truth = truth & ~solutions.mask(POSITION)
+        solutions, truth = labelled(name)
         shape = len(SELECTORS), len(config.tasks_seen), config.runs, len(truth)
         support = np.empty(shape, dtype=bool)
         # A stream of its own: no experiment that led to the selector has used it.

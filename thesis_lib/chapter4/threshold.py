@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from thesis_lib.chapter4.random_solutions import noise_to_signal
 from thesis_lib.edition.criteria import judged
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.ledger import Finding, Verdict, criterion
+from thesis_lib.edition.ledger import Finding, criterion
 from thesis_lib.edition.plots import COLOURS, PRINTED
 from thesis_lib.relevance import estimate, remove
 from thesis_lib.selection import FSTEK, f_threshold, fit_inverse, fstek_threshold
@@ -115,23 +115,6 @@ def exponential_fits(table: pd.DataFrame) -> Finding:
         f"{by[20]:+.2f} (b - U) at 20.",
         {"asymptote": float(by[20])},
         direction=abs(by[20]) < abs(by[5]),
-    )
-
-
-@criterion("4.5-alpha", limits)
-def alpha_trades_rates(table: pd.DataFrame) -> Finding:
-    """Whether raising alpha can raise the FPR and lower the TPR: the threshold is monotone."""
-    falls = [
-        own.sort_values("alpha").threshold.is_monotonic_decreasing
-        for _, own in table.groupby("tasks_seen")
-    ]
-    return judged(
-        not all(falls),
-        f"The threshold on the F-ratio falls with alpha at {sum(falls)} of {len(falls)} numbers of "
-        "tasks; where it does, a higher alpha marks fewer features of every kind for removal, and "
-        "both rates rise.",
-        {"falls": sum(falls)},
-        otherwise=Verdict.REFUTED,
     )
 
 
