@@ -249,7 +249,7 @@ def early_boost(table: pd.DataFrame) -> Finding:
         verdict = Verdict.DIRECTION
     told = (
         f"Of {len(gone)} leads {sum(gone) or 'none'} ended: significantly smaller late than early "
-        "(errors added, Holm), or late equivalent to none within 5%."
+        "(t, Holm), or late equivalent to none within 5%."
     )
     return Finding(
         verdict,
@@ -261,12 +261,13 @@ def early_boost(table: pd.DataFrame) -> Finding:
 def _ended(early: list[Pair], late: list[Pair]) -> list[bool]:
     """Of each early lead whether it is shown to be gone or smaller at a later step.
 
-    Points of a curve share runs, so that errors are added, which bounds that of a difference.
+    As if the points of a curve were independent; they share runs, so that the error of their
+    difference is smaller than that.
     """
     p, alike = [], []
     for then, now in zip(early, late, strict=True):
         four = (then.first, then.second, now.first, now.second)
-        error = sum(s.sd / s.n**0.5 for s in four)
+        error = float(np.sqrt(sum(s.sd**2 / s.n for s in four)))
         fall = (then.first.mean - then.second.mean) - (now.first.mean - now.second.mean)
         t = fall / error if error else np.inf * np.sign(fall)
         p.append(float(2 * stats.t.sf(t, min(s.n for s in four) - 1)) if fall > 0 else 1.0)
