@@ -1,5 +1,7 @@
 """The results store as chapter 5 reads it."""
 
+from itertools import product
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,8 +11,11 @@ from thesis_lib.chapter5.cells import NETS
 from thesis_lib.chapter5.contrasts import Config
 from thesis_lib.chapter5.runs import read_runs
 from thesis_lib.edition.ledger import Verdict
+from thesis_lib.edition.words import number
+from thesis_lib.published import TASKS
 from thesis_lib.training import curves
 from thesis_lib.training.config import TrainConfig
+from thesis_lib.training.plan import cost
 from thesis_lib.training.suite import SuiteConfig, evaluate_all, write
 from thesis_lib.training.sweep import sweep
 
@@ -70,6 +75,23 @@ def test_every_run_of_the_printed_length_stands_beside_shorter_ones(tmp_path):
     assert np.isnan(seventh.shorter)
     row = printed_length.shown(table).iloc[0]
     assert (row.printed, row.ours, row["ours at the end"]) == ("1534 (167)", "501, 501", "991, 991")
+
+
+def test_what_is_left_to_run_is_told_with_its_cost(tmp_path):
+    cell = {"task": "HalfCheetah", "architecture": "ctrnn"}
+    layer(tmp_path, "depth", 3, 500, 50_000, **cell)
+    told = cell_table.left_to_run(table_5_2.entries.run(config=Config(store=str(tmp_path))).table)
+    assert "Nothing has been run on " in told
+    assert "HalfCheetah hill" in told
+    assert "HalfCheetah flat" not in told
+    every = sum(
+        cost(TrainConfig(task=robot, terrain=ground, architecture=net.lower()))
+        for robot, ground, net in product(TASKS, ("flat", "hill"), NETS)
+    )
+    # 69 of 70 cells; the one that was run takes 20 microseconds a step, by the plan's own rates.
+    hours = 3 * (every - 500 * 50_000 * 20e-6) / 3600
+    assert "Of 70 cells 69 have not been run at the printed length with 3 seeds" in told
+    assert f"about {number(hours)} processor hours" in told
 
 
 def test_without_enough_seeds_anywhere_the_deepest_counts(tmp_path):

@@ -137,9 +137,9 @@ def is_no_contraction(table: pd.DataFrame, examples: pd.DataFrame) -> Finding:
     return judged(
         (by.contraction_80 == 1).all() and not passes and not grows,
         f"With shared p(x|m), over {int(shared.n_domains)} random domains, k-relevance is a + b/k "
-        f"up to {shared.law_error:.0g} of its largest value (the steps of that curve have the ratio "
-        f"(k - 1)/(k + 1)); the last ratio computed is {shared.last_ratio:.3f} in the median, and "
-        f"kappa = .8 serves all k computed in {shared.contraction_80:.0%}. A step is longer than "
+        f"up to {shared.law_error:.0g} of its largest value (the steps of that curve have the "
+        f"ratio (k - 1)/(k + 1)); the last ratio computed is {shared.last_ratio:.3f} in the "
+        f"median, and kappa = .8 serves all k computed in {shared.contraction_80:.0%}. A step is longer than "
         f"the one before in {lengthening} of the domains; two tasks on three pairs have rho = "
         f"{rho} for k = 1, 2 and 3.",
         {"ratio": float(shared.last_ratio), "law_error": float(shared.law_error)},
@@ -153,8 +153,8 @@ def is_a_power_law(table: pd.DataFrame) -> Finding:
     shared = table.set_index("kind").loc["shared"]
     return judged(
         shared.law_error < EXACT,
-        f"In {int(shared.n_domains)} random domains with shared p(x|m) k-relevance differs from a + "
-        f"b/k by at most {shared.law_error:.0g} of its largest value, for every k computed.",
+        f"In {int(shared.n_domains)} random domains with shared p(x|m) k-relevance differs from "
+        f"a + b/k by at most {shared.law_error:.0g} of its largest value, for every k computed.",
         {"law_error": float(shared.law_error)},
     )
 

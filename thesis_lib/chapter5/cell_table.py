@@ -12,9 +12,12 @@ from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS
 from thesis_lib.chapter5.judging import ALPHA, Evidence
 from thesis_lib.chapter5.runs import DEFAULT, ENOUGH, PRINTED_STEPS
 from thesis_lib.edition.ledger import Verdict
+from thesis_lib.edition.words import number, several
 from thesis_lib.published import TASKS
 from thesis_lib.robustness import TRAINED_ON
 from thesis_lib.stats import Comparison, Summary, leading, mean_ci, welch
+from thesis_lib.training.config import TrainConfig
+from thesis_lib.training.plan import cost
 
 
 @dataclass(frozen=True)
@@ -279,6 +282,25 @@ def run_length(table: pd.DataFrame) -> str:
     )
     apart = [f"; on {', '.join(rows)} {length}" for length, rows in others]
     return usual[0] + "".join(apart)
+
+
+def left_to_run(table: pd.DataFrame) -> str:
+    """Which rows of a table of cells have no run, and what is left at the printed length."""
+    rows = table.task + " " + table.trained_on
+    none = table.seeds.groupby(rows, sort=False).max() == 0
+    words = f"Nothing has been run on {several(none.index[none])}. " if none.any() else ""
+    left = table[~(table.printed_budget & (table.seeds >= ENOUGH))]
+    if left.empty:
+        return f"{words}Every cell has been run at the printed length."
+    nets = left.architecture.str.lower()
+    seconds = sum(
+        cost(TrainConfig(task=robot, terrain=ground, architecture=net))
+        for robot, ground, net in zip(left.task, left.trained_on, nets, strict=True)
+    )
+    return (
+        f"{words}Of {len(table)} cells {len(left)} have not been run at the printed length with "
+        f"{ENOUGH} seeds; that takes about {number(ENOUGH * seconds / 3600)} processor hours."
+    )
 
 
 def _range(values: pd.Series) -> str:
