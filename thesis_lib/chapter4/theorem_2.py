@@ -139,9 +139,9 @@ def is_no_contraction(table: pd.DataFrame, examples: pd.DataFrame) -> Finding:
         f"With shared p(x|m), over {int(shared.n_domains)} random domains, k-relevance is a + b/k "
         f"up to {shared.law_error:.0g} of its largest value (the steps of that curve have the "
         f"ratio (k - 1)/(k + 1)); the last ratio computed is {shared.last_ratio:.3f} in the "
-        f"median, and kappa = .8 serves all k computed in {shared.contraction_80:.0%}. A step is longer than "
-        f"the one before in {lengthening} of the domains; two tasks on three pairs have rho = "
-        f"{rho} for k = 1, 2 and 3.",
+        f"median, and kappa = .8 serves all k computed in {shared.contraction_80:.0%}. A step is "
+        f"longer than the one before in {lengthening} of the domains; two tasks on three pairs "
+        f"have rho = {rho} for k = 1, 2 and 3.",
         {"ratio": float(shared.last_ratio), "law_error": float(shared.law_error)},
         otherwise=Verdict.REFUTED if passes or grows else Verdict.INCONCLUSIVE,
     )
