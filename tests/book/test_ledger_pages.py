@@ -158,7 +158,7 @@ def test_the_scoreboard_tells_what_waits_what_flips_and_what_was_mended() -> Non
     )
     _, after = page.split(":name: tbl-claims\n")
     assert (
-        "No verdict came out in eight of ten roots on\n\n- The means are ours "
+        "No verdict came out in eight of ten roots on 1 claim\n- The means are ours "
         "([3.4.1-numbers](#claim-3.4.1-numbers)): refuted in 6, reproduced in 4 of 10.\n" in after
     )
     assert (

@@ -282,7 +282,11 @@ def _flips(judged: Iterable[Judgement]) -> list[str]:
         for j in judged
         if j.over and not j.over.exact and not j.over.held
     ]
-    return ["No verdict came out in eight of ten roots on", "", *flips, ""] if flips else []
+    if not flips:
+        return []
+    claims = f"{len(flips)} claim{'s' * (len(flips) > 1)}"
+    title = f"No verdict came out in eight of ten roots on {claims}"
+    return [f":::::{{dropdown}} {title}", *flips, ":::::", ""]
 
 
 def _mended(judged: Iterable[Judgement]) -> list[str]:
@@ -290,13 +294,14 @@ def _mended(judged: Iterable[Judgement]) -> list[str]:
     mended = [j for j in judged if j.claim.was not in ("", j.verdict, j.finding.verdict)]
     if not mended:
         return []
-    lines = ["::::{list-table} Verdicts that changed when a criterion or its evidence was mended"]
+    title = "Verdicts that changed when a criterion or its evidence was mended"
+    lines = [f":::::{{dropdown}} {title}", f"::::{{list-table}} {title}"]
     lines += [":name: tbl-claims-mended", ":header-rows: 1", ""]
     lines += ["* - claim", "  - was, and is", "  - because"]
     for j in mended:
         lines += [f"* - {_named(j.claim)}", f"  - {j.claim.was}, now {j.verdict}"]
         lines += [f"  - {j.claim.because}"]
-    return [*lines, "::::", ""]
+    return [*lines, "::::", ":::::", ""]
 
 
 def _named(claim: Claim) -> str:
