@@ -296,7 +296,7 @@ def _mended(judged: Iterable[Judgement]) -> list[str]:
         return []
     title = "Verdicts that changed when a criterion or its evidence was mended"
     lines = [f":::::{{dropdown}} {title}", f"::::{{list-table}} {title}"]
-    lines += [":name: tbl-claims-mended", ":header-rows: 1", ""]
+    lines += [":name: tbl-claims-mended", ":class: cards", ":header-rows: 1", ""]
     lines += ["* - claim", "  - was, and is", "  - because"]
     for j in mended:
         lines += [f"* - {_named(j.claim)}", f"  - {j.claim.was}, now {j.verdict}"]
