@@ -72,12 +72,14 @@ def scoreboard_markdown(judged: Sequence[Judgement]) -> str:
     The verdicts are those over roots where they are committed, except at the smoke budget.
     """
     earlier = {j.claim.id for j in judged if _by_earlier_code(j)}
-    lines = [*_tally(judged), *_state(judged, earlier)]
+    flips, mended = _flips(judged), _mended(judged)
+    state = _state(judged, earlier, flips=bool(flips), mended=bool(mended))
+    lines = [*_tally(judged), *state]
     listed = sorted(judged, key=lambda j: in_order(j.claim.section))
     theirs = [j for j in listed if not j.claim.ours]
     title = "Every claim of the thesis, in its order"
     lines += _claims(theirs, earlier, title, name="tbl-claims", look="ledger")
-    lines += [*_flips(judged), *_mended(judged)]
+    lines += [*flips, *mended]
     if ours := [j for j in listed if j.claim.ours]:
         title = "Claims of our own, which the thesis at most implies or our runs suggested"
         lines += [f":::::{{dropdown}} {title}"]
@@ -252,10 +254,13 @@ def _tally(judged: Iterable[Judgement]) -> list[str]:
     ]
 
 
-def _state(judged: Sequence[Judgement], earlier: Set[str]) -> list[str]:
+def _state(
+    judged: Sequence[Judgement], earlier: Set[str], *, flips: bool, mended: bool
+) -> list[str]:
     """How many claims were judged over roots, and where those stand that differ or were mended.
 
-    ``earlier`` are the claims whose verdicts over roots are of earlier code or runs.
+    ``earlier`` are the claims whose verdicts over roots are of earlier code or runs; ``flips`` and
+    ``mended`` say whether there are any.
     """
     drawn = [j for j in judged if j.over and not j.over.exact]
     if not drawn:
@@ -268,8 +273,8 @@ def _state(judged: Sequence[Judgement], earlier: Set[str]) -> list[str]:
         f"Judged over roots are {len(drawn)} claims, {judged_by} state of the code or the "
         f"committed runs{more}."
     ]
-    after = ["those on which no verdict came out in eight of ten roots"] * bool(_flips(judged))
-    after += ["those that changed ({numref}`tbl-claims-mended`)"] * bool(_mended(judged))
+    after = ["those on which no verdict came out in eight of ten roots"] * flips
+    after += ["those that changed ({numref}`tbl-claims-mended`)"] * mended
     if after:
         lines += [f"After the table of claims stand {several(after)}."]
     return [*lines, ""]

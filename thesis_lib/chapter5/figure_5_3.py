@@ -55,11 +55,7 @@ class Point:
 def curves(config: Config, context: Context) -> list[Point]:
     """Learning curves by robot, ground and net at the deepest budget there is."""
     store = read_runs(config.store)
-    budget = [*CELL, "layer", "iterations", "batch_steps"]
-    own = store.curves.merge(store.deepest()[budget], on=[*CELL, "layer"])
-    own = own[own.variant == DEFAULT]
-    own = own.assign(architecture=own.architecture.str.upper())
-    by_cell = dict(list(own.groupby(["task", "terrain", "architecture"])))
+    cells = by_cell(store.curves, store.deepest())
     published_by = (
         published.load("table-5.2").set_index(["task", "trained_on", "architecture"]).value
     )
@@ -68,7 +64,7 @@ def curves(config: Config, context: Context) -> list[Point]:
         for robot in ROBOTS:
             for net in NETS:
                 printed = float(published_by[TASKS[robot], ground, net])
-                runs = by_cell.get((robot, ground, net))
+                runs = cells.get((robot, ground, net))
                 if runs is None:
                     rows.append(Point(robot, ground, net, *(np.nan,) * 4, 0, 0, 0, printed))
                 else:
@@ -76,11 +72,35 @@ def curves(config: Config, context: Context) -> list[Point]:
     return rows
 
 
+def by_cell(
+    curves: pd.DataFrame, budgets: pd.DataFrame
+) -> dict[tuple[str, str, str], pd.DataFrame]:
+    """Curves by robot, ground and net, of the default settings, each at one budget.
+
+    Parameters
+    ----------
+    curves
+        Of :class:`~thesis_lib.chapter5.runs.Runs`.
+    budgets
+        One row a cell, as :meth:`~thesis_lib.chapter5.runs.Runs.deepest` gives them.
+    """
+    keys = [*CELL, "layer"]
+    own = curves.merge(budgets[[*keys, "iterations", "batch_steps"]], on=keys)
+    own = own[own.variant == DEFAULT]
+    own = own.assign(architecture=own.architecture.str.upper())
+    return dict(list(own.groupby(["task", "terrain", "architecture"])))
+
+
+def bins(iteration: pd.Series) -> pd.Series:
+    """Which point of its curve each iteration belongs to."""
+    width = max(1, -(-int(iteration.max()) // POINTS))
+    return (iteration - 1) // width
+
+
 def _points(runs: pd.DataFrame) -> list[tuple[float, float, float, float, int, int, int]]:
     """Iteration, mean, low, high, seeds and budget of each point of one cell's curve."""
     iterations, batch = int(runs.iterations.max()), int(runs.batch_steps.max())
-    width = max(1, -(-iterations // POINTS))
-    binned = runs.assign(bin=(runs.iteration - 1) // width)
+    binned = runs.assign(bin=bins(runs.iteration))
     by_seed = binned.groupby(["bin", "seed"])[["iteration", "mean_return"]].mean()
     found = []
     for _, point in by_seed.groupby("bin"):

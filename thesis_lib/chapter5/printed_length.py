@@ -19,14 +19,12 @@ from matplotlib.figure import Figure
 from thesis_lib import published
 from thesis_lib.chapter5.cells import NETS, ROBOTS
 from thesis_lib.chapter5.contrasts import Config
-from thesis_lib.chapter5.runs import CELL, DEFAULT, PRINTED_STEPS, read_runs
+from thesis_lib.chapter5.figure_5_3 import bins, by_cell
+from thesis_lib.chapter5.runs import CELL, PRINTED_STEPS, read_runs
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.plots import COLOURS, PRINTED
 from thesis_lib.published import TASKS
 from thesis_lib.robustness import TRAINED_ON
-
-POINTS = 50
-"""Points of a curve; each is the mean of as many iterations as that takes."""
 
 
 @dataclass(frozen=True)
@@ -69,9 +67,11 @@ def curves(config: Config, context: Context) -> list[Point]:
     """Learning curves of runs as long as the thesis's, seed by seed."""
     store = read_runs(config.store)
     budgets = store.depths()
-    budgets = budgets[budgets.variant == DEFAULT]
     long = budgets.steps >= PRINTED_STEPS
-    cells, others = (_by_cell(store.curves, some) for some in (budgets[long], budgets[~long]))
+    cells, others = (
+        by_cell(store.curves, some.drop_duplicates(CELL))
+        for some in (budgets[long], budgets[~long])
+    )
     by = published.load("table-5.2").set_index(["task", "trained_on", "architecture"])
     rows = []
     for robot, ground, net in product(ROBOTS, TRAINED_ON, NETS):
@@ -86,24 +86,13 @@ def curves(config: Config, context: Context) -> list[Point]:
     return rows
 
 
-def _by_cell(
-    curves: pd.DataFrame, budgets: pd.DataFrame
-) -> dict[tuple[str, str, str], pd.DataFrame]:
-    """Curves of each cell at the first of its budgets."""
-    keys = [*CELL, "layer"]
-    own = curves.merge(budgets.drop_duplicates(CELL)[keys], on=keys)
-    own = own.assign(architecture=own.architecture.str.upper())
-    return dict(list(own.groupby(["task", "terrain", "architecture"])))
-
-
 def _points(
     runs: pd.DataFrame, rest: pd.DataFrame
 ) -> Iterator[tuple[int, float, float, float, float, int]]:
     """Seed, iteration, steps, return, that of shorter runs and how many, of each point."""
-    width = max(1, -(-int(runs.iteration.max()) // POINTS))
     for seed, run in runs.sort_values("iteration").groupby("seed"):
         before = 0.0
-        for _, some in run.groupby((run.iteration - 1) // width):
+        for _, some in run.groupby(bins(run.iteration)):
             upto = float(some.steps.max())
             same = rest[(rest.steps > before) & (rest.steps <= upto)]
             by_seed = same.groupby("seed").mean_return.mean()
@@ -132,10 +121,8 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
                 "shorter runs": f"{spans.shorter.mean():.0f}" if len(spans) else "",
             }
         )
-    return pd.DataFrame(rows, columns=["on", "net", *_COLUMNS])
-
-
-_COLUMNS = ("printed", "ours", "ours at the end", "shorter runs")
+    columns = ["on", "net", "printed", "ours", "ours at the end", "shorter runs"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def _each(by_seed: pd.Series) -> str:

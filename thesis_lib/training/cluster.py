@@ -30,7 +30,7 @@ SETTINGS: dict[str, Any] = {
     "distributed.scheduler.worker-saturation": 1.0,
     "distributed.scheduler.default-task-durations": {"train": "1h", "test": "10s"},
     "distributed.worker.profile.enabled": False,
-    # What a dashboard would show, taken many times a second, costs a tenth of a core.
+    # What a dashboard would show is measured many times a second, beside runs that need the core.
     "distributed.admin.system-monitor.interval": "10s",
     "distributed.admin.tick.interval": "1s",
     "distributed.scheduler.work-stealing": False,
