@@ -28,7 +28,7 @@ from thesis_lib import cli
 from thesis_lib.edition.experiment import load
 from thesis_lib.training import cluster
 from thesis_lib.training.checkpoint import code_digest
-from thesis_lib.training.cluster import SchedulerLost, connected
+from thesis_lib.training.cluster import KEEP_MEMORY, SchedulerLost, connected
 from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.curves import (
     CURVES_COLUMNS,
@@ -598,6 +598,20 @@ def test_work_whose_future_is_lost_with_its_scheduler_is_one_sentence() -> None:
 
     with pytest.raises(SchedulerLost, match="the scheduler ended"):
         work()
+
+
+def test_workers_keep_memory_unless_the_environment_says_otherwise(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("MALLOC_TOP_PAD_", "131072")
+    monkeypatch.delenv("MALLOC_TRIM_THRESHOLD_", raising=False)
+    with connected(1, 1, None) as client:
+        trim, pad = (
+            client.submit(os.environ.get, name).result()
+            for name in ("MALLOC_TRIM_THRESHOLD_", "MALLOC_TOP_PAD_")
+        )
+    assert int(trim) == KEEP_MEMORY["MALLOC_TRIM_THRESHOLD_"] > 2**33
+    assert pad == "131072"
 
 
 def test_no_scheduler_is_one_sentence(tmp_path: Path) -> None:

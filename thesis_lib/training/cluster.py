@@ -23,6 +23,17 @@ from thesis_lib.checks import ForeseenError
 SLURM = "slurm"
 """The scheduler that is jobs of SLURM, by dask-jobqueue."""
 
+KEEP_MEMORY = {
+    "MALLOC_MMAP_THRESHOLD_": 1 << 32,
+    "MALLOC_TRIM_THRESHOLD_": 1 << 34,
+    "MALLOC_TOP_PAD_": 1 << 28,
+}
+"""Environment in which glibc keeps what a batch frees for the next one, in bytes.
+
+Dask has its workers give back all but 64 kB, and each batch, of hundreds of megabytes, would be
+fetched from the system and zeroed anew.
+"""
+
 SETTINGS: dict[str, Any] = {
     # A long update holds the interpreter, and is no sign of death.
     "distributed.scheduler.worker-ttl": None,
@@ -34,6 +45,9 @@ SETTINGS: dict[str, Any] = {
     "distributed.admin.system-monitor.interval": "10s",
     "distributed.admin.tick.interval": "1s",
     "distributed.scheduler.work-stealing": False,
+    # What is set in the environment already goes before these.
+    "distributed.nanny.pre-spawn-environ": KEEP_MEMORY
+    | dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), 1),
     # A terminal sends Ctrl-C to workers too, but it is for their parent to stop them.
     "distributed.worker.preload": ["import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)"],
 }
