@@ -122,7 +122,8 @@ class Claims:
     """Judge the thesis's claims on saved results, or over seeds, and print the ledger.
 
     With ``--seeds 10`` each claim is judged on 10 independent roots, whose tables are made first;
-    killed, the same command goes on where it was.
+    killed, the same command goes on where it was.  With ``--confirm`` those that other code judged
+    are judged on one root only, and stand where nothing comes out otherwise.
     """
 
     only: tyro.conf.Positional[tuple[str, ...]] = ()
@@ -131,8 +132,10 @@ class Claims:
     """Directory of results; default _build/results/book, over seeds _build/claims."""
     seeds: int = 0
     """How many roots to judge on; 0 judges the saved results."""
+    confirm: bool = False
+    """Confirm the verdicts over seeds in --out that other code judged, on one root."""
     budget: Budget = "book"
-    """Of the evidence over seeds; only with --seeds, as are --workers and --out."""
+    """Of the evidence over seeds; only with --seeds or --confirm, as are --workers and --out."""
     workers: int = 1
     """Processes that make the evidence over seeds."""
     out: Path | None = None
@@ -141,13 +144,19 @@ class Claims:
     def __call__(self) -> int:
         """Print the ledger."""
         check_budget(self.budget)
+        if self.seeds and self.confirm:
+            raise ValueError(
+                "--seeds judges on every root and --confirm on one: give one of the two."
+            )
         if self.seeds:
             return self._over_seeds()
+        if self.confirm:
+            return self._confirm()
         for name in ("budget", "workers", "out"):
             if (value := getattr(self, name)) != getattr(Claims, name):
                 raise ValueError(
                     f"--{name} is {value}, but it concerns evidence over seeds alone: give --seeds "
-                    f"10 as well, or leave --{name} out."
+                    f"10 or --confirm as well, or leave --{name} out."
                 )
         from thesis_lib.edition.experiment import results_directory
         from thesis_lib.edition.scoreboard import judge_all
@@ -183,6 +192,33 @@ class Claims:
                 text = f"root {first}: {evidence}" if first else evidence
                 _print_claim(j.claim, f"{str(over.verdict).upper()} ({over.frequency})", text)
         print(f"{len(chosen)} claims, written to {out / 'verdicts.csv'}")
+        return 0
+
+    def _confirm(self) -> int:
+        from thesis_lib.checkout import repository_root
+        from thesis_lib.edition import confirm, roots
+        from thesis_lib.edition.chapters import claims
+        from thesis_lib.edition.ledger import select
+
+        file = (self.out or repository_root() / "_build" / "claims") / "verdicts.csv"
+        found: list[confirm.Aged] = []
+        waiting = confirm.aged(select(claims(), self.only), file)
+        for part in roots.parts(waiting, roots.TOGETHER):
+            found += confirm.confirm(
+                part,
+                file,
+                budget=self.budget,
+                workers=self.workers,
+                work=self.results,
+                say=lambda line: print(line, flush=True),
+            )
+        changed = [aged for aged in found if aged.why]
+        for aged in changed:
+            print(f"{aged.claim.id}: {aged.why}")
+        print(f"{len(found) - len(changed)} of {len(found)} aged verdicts stand, in {file}")
+        if changed:
+            names = " ".join(aged.claim.id for aged in changed)
+            print(f"To be judged anew: thesis claims {names} --seeds 10 --out {file.parent}")
         return 0
 
 

@@ -170,6 +170,21 @@ def test_the_scoreboard_tells_what_waits_what_flips_and_what_was_mended() -> Non
     assert f"{tally} result says the opposite | 3 | 2 in all roots, 1 waiting |" in page
 
 
+def test_the_scoreboard_tells_what_one_root_confirmed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ledger.roots, "code_of_claim", lambda claim, budget: "present")
+    whole = OverRoots({Verdict.REFUTED: 8}, "book", "present", False)
+    of_one = replace(whole, confirmed=3)
+    earlier = replace(of_one, code="earlier")
+    judged = [
+        replace(JUDGED, claim=replace(CLAIM, id=f"3.4.1-{i}"), over=over)
+        for i, over in enumerate((whole, of_one, of_one, earlier))
+    ]
+    page = ledger.scoreboard_markdown(judged)
+    assert "Judged over roots are 4 claims, 1 of them by an earlier state" in page
+    assert "\nOf 2 the present state judged one root only, which its code drew:" in page
+    assert "one root only" not in ledger.scoreboard_markdown(judged[:1])
+
+
 def test_a_verdict_that_changed_has_a_reason() -> None:
     with pytest.raises(ValueError, match="both a `was` and a `because`"):
         replace(CLAIM, was="refuted")

@@ -273,6 +273,11 @@ def _state(
         f"Judged over roots are {len(drawn)} claims, {judged_by} state of the code or the "
         f"committed runs{more}."
     ]
+    if on_one := sum(j.claim.id not in earlier and bool(j.over.confirmed) for j in drawn if j.over):
+        lines.append(
+            f"Of {on_one} the present state judged one root only, which its code drew: the verdict "
+            "and every number came out as they were, and those of the other roots stand."
+        )
     after = ["those on which no verdict came out in eight of ten roots"] * flips
     after += ["those that changed ({numref}`tbl-claims-mended`)"] * mended
     if after:

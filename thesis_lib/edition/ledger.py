@@ -260,12 +260,16 @@ class OverRoots:
         Digest of what made and judged it.
     exact
         Whether nothing was drawn, so that it was judged once.
+    confirmed
+        The one root on which later code, then that of ``code``, found the same
+        (:mod:`thesis_lib.edition.confirm`); 0 where ``code`` judged all of them.
     """
 
     counts: Mapping[Verdict, int]
     budget: str
     code: str
     exact: bool
+    confirmed: int = 0
 
     HOLDS: ClassVar[float] = 0.8
     """Share of the roots in which a verdict must come out to be the claim's."""

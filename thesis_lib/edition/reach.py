@@ -22,6 +22,10 @@ from thesis_lib.imports import PACKAGE, data_files, module_file, parsed, saved_r
 ROOT = Path(__file__).resolve().parents[2]
 
 FRAMEWORK = f"{PACKAGE}.edition"
+EVERY = (PACKAGE,)
+EDITION = (FRAMEWORK, f"{PACKAGE}.chapter", f"{PACKAGE}.appendix_a")
+"""What the names of all modules begin with, and those of the edition, which is not the library."""
+
 DECIDES = tuple(f"{FRAMEWORK}.{name}" for name in ("context", "criteria", "rows", "saved"))
 """Modules of the framework that reckon with numbers, or read them."""
 
@@ -48,7 +52,9 @@ def place(value: object) -> Place:
     raise LookupError(f"no module of {PACKAGE} holds {value!r}.")
 
 
-def digest(starts: Iterable[Place], *texts: str, root: Path = ROOT) -> str:
+def digest(
+    starts: Iterable[Place], *texts: str, within: tuple[str, ...] = EVERY, root: Path = ROOT
+) -> str:
     """Hash of texts and of the code that some places reach.
 
     Parameters
@@ -57,18 +63,23 @@ def digest(starts: Iterable[Place], *texts: str, root: Path = ROOT) -> str:
         From :func:`place`.
     *texts
         What else decides, such as a config.
+    within
+        What the names of modules begin with whose code counts; data count with every module only.
     root
         Folder that holds the package and the committed results.
     """
-    code, files = reached(starts, "".join(texts), root)
+    code, files = reached(starts, "".join(texts), root, within)
     hashed = hashlib.sha256("\0".join([*texts, *sorted(code)]).encode())
-    for file in files:
+    for file in files if within == EVERY else []:
         hashed.update(file.read_bytes())
     return hashed.hexdigest()[:12]
 
 
 def reached(
-    starts: Iterable[Place], asked: str = "", root: Path = ROOT
+    starts: Iterable[Place],
+    asked: str = "",
+    root: Path = ROOT,
+    within: tuple[str, ...] = EVERY,
 ) -> tuple[set[str], list[Path]]:
     """Definitions that some places reach, as text, and the data they read.
 
@@ -87,7 +98,7 @@ def reached(
             continue
         seen.add(at)
         if (piece := _piece(at, root)) is not None:
-            code |= piece.code
+            code |= piece.code if at[0].startswith(within) else set()
             waiting += piece.uses
             modules |= piece.module
     beside = [f for f in data_files(modules) if f.name != "claims.toml"]

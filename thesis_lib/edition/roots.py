@@ -37,13 +37,18 @@ from thesis_lib.checks import ForeseenError
 from thesis_lib.edition import chapters
 from thesis_lib.edition.experiment import Experiment, load, read_csv
 from thesis_lib.edition.ledger import Claim, Finding, OverRoots, Verdict, finding
-from thesis_lib.edition.reach import digest, place
+from thesis_lib.edition.reach import EDITION, digest, place
 from thesis_lib.files import alone, replacing, writable_directory
 
-COLUMNS = ("claim", "root", "verdict", "budget", "numbers", "code", "commit")
+COLUMNS = (
+    *("claim", "root", "verdict", "budget", "numbers"),
+    *("code", "criterion", "confirmed", "commit"),
+)
 """Of ``verdicts.csv``.  Root 0 stands for evidence that is exact; ``numbers`` are those that
 decided, as JSON; ``code`` is a digest of what made and judged the evidence, committed runs
-included."""
+included, and ``criterion`` of the criterion alone; ``confirmed`` is the root on which later code,
+then that of ``code``, found the same (:mod:`thesis_lib.edition.confirm`), or 0; ``commit`` is the
+state that judged."""
 
 
 def committed() -> Path:
@@ -64,7 +69,11 @@ def over_roots(table: pd.DataFrame) -> dict[str, OverRoots]:
         counts = Counter(Verdict(v) for v in own.verdict)
         exact = bool((own["root"] == 0).all())
         found[str(claim)] = OverRoots(
-            dict(counts.most_common()), own.budget.iloc[0], own.code.iloc[0], exact
+            counts=dict(counts.most_common()),
+            budget=own.budget.iloc[0],
+            code=own.code.iloc[0],
+            exact=exact,
+            confirmed=int(own.confirmed.iloc[0]),
         )
     return found
 
@@ -224,6 +233,11 @@ def code_of_claim(claim: Claim, budget: str) -> str:
     return digest([place(x) for x in (*claim.criteria, *known)], *claim.rests_on, *configs)
 
 
+def code_of_criterion(claim: Claim) -> str:
+    """Digest of what judges a claim, without the library that it calls."""
+    return digest([place(x) for x in claim.criteria], claim.id, within=EDITION)
+
+
 # ------------------------------------------------------------------------------ verdicts
 @dataclass(frozen=True)
 class Judged:
@@ -278,6 +292,7 @@ def judge_over(
     *,
     budget: str,
     workers: int = 1,
+    only: int = 0,
     work: Path | None = None,
     say: Callable[[str], None] = print,
 ) -> list[Judged]:
@@ -293,6 +308,8 @@ def judge_over(
         Of the evidence; at ``smoke`` nothing is judged.
     workers
         Processes.
+    only
+        The one root to judge on, or 0 for all.
     work
         Where tables are kept; default ``_build/claims``.
     say
@@ -321,29 +338,31 @@ def judge_over(
     found: dict[str, dict[int, Finding]] = {claim.id: {} for claim in claims}
     stochastic: set[str] = set()
     least = math.ceil(OverRoots.HOLDS * roots)
+    first = only or 1
 
     def table(experiment: str, root: int) -> pd.DataFrame:
-        chosen = root if experiment in stochastic else 1
+        chosen = root if experiment in stochastic else first
         return load(experiment, Job(experiment, chosen, budget, folder, "").folder)[0]
 
     # Which experiments draw at all is known from their first root; no verdict holds before
     # ``least`` of them.
-    for group in ([1], range(2, least + 1), *([r] for r in range(least + 1, roots + 1))):
+    later = [] if only else [range(2, least + 1), *([r] for r in range(least + 1, roots + 1))]
+    for group in ([first], *later):
         going = [c for c in claims if not _decided(found[c.id], least, roots)]
         wanted = {e for claim in going for e in claim.experiments}
         jobs = [
             Job(e.id, root, budget, folder, codes[e.id])
             for root in group
             for e in known
-            if e.id in wanted and (root == 1 or e.id in stochastic)
+            if e.id in wanted and (root == first or e.id in stochastic)
         ]
         make(jobs, workers, say)
-        if 1 in group:
+        if first in group:
             stochastic |= {j.experiment for j in jobs if (j.provenance() or {})["drawn"]}
 
         for claim in going:
             drawn = not stochastic.isdisjoint(claim.experiments)
-            for root in group if drawn else [0] if 1 in group else []:
+            for root in group if drawn else [0] if first in group else []:
                 tables = {e: table(e, root) for e in claim.experiments}
                 found[claim.id][root] = finding(claim, tables, budget)
     return [Judged(claim, found[claim.id], judged_by[claim.id]) for claim in claims]
@@ -362,8 +381,9 @@ def save(judged: Sequence[Judged], budget: str, file: Path) -> dict[str, OverRoo
     state, rows = commit(), []
     for j in judged:
         evidence = budget if j.claim.experiments else "exact"
+        judged_by = (j.code, code_of_criterion(j.claim), 0, state)
         rows += [
-            (j.claim.id, root, str(f.verdict), evidence, _rounded(f.numbers), j.code, state)
+            (j.claim.id, root, str(f.verdict), evidence, rounded(f.numbers), *judged_by)
             for root, f in j.findings.items()
         ]
     table = pd.DataFrame(rows, columns=list(COLUMNS))
@@ -379,7 +399,7 @@ def save(judged: Sequence[Judged], budget: str, file: Path) -> dict[str, OverRoo
     return mine
 
 
-def _rounded(numbers: Mapping[str, float]) -> str:
+def rounded(numbers: Mapping[str, float]) -> str:
     """Numbers as JSON, to four digits; what is not finite as null."""
     return json.dumps(
         {k: float(f"{v:.4g}") if np.isfinite(v) else None for k, v in numbers.items()},
