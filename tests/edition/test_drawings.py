@@ -4,6 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.patches import FancyArrowPatch
+from matplotlib.text import Text
 
 from thesis_lib.appendix_a.pictures import FOUR, THREE, TWO, action_legend, draw_chain
 from thesis_lib.domains import figure_a1, figure_a2, figure_a3, stock
@@ -11,7 +12,7 @@ from thesis_lib.domains.cliff import layouts as cliff_layouts
 from thesis_lib.domains.heat import HeatTask
 from thesis_lib.domains.triangle import layouts as triangle_layouts
 from thesis_lib.edition.drawings import draw_cliff, draw_heat, draw_stock, draw_triangle
-from thesis_lib.edition.plots import unclutter
+from thesis_lib.edition.plots import beside, unclutter
 
 
 @pytest.fixture(autouse=True)
@@ -67,11 +68,40 @@ def test_a_heat_task_shows_its_source_where_it_is():
     assert any(line.get_xydata().tolist() == [[7.0, 6.0]] for line in ax.lines)
 
 
-def test_of_numbers_on_one_another_the_first_stays():
+def test_numbers_on_one_another_part_and_stay_near_their_points():
     fig, ax = plt.subplots()
     ax.set(xlim=(0, 1), ylim=(0, 1))
-    for text, x in (("1–4", 0.5), ("6", 0.501), ("8", 0.9)):
-        ax.annotate(text, (x, 0.5))
-    ax.text(0.5, 0.5, "not a point's number")
+    # The last stands in the corner, where the asked place is outside.
+    points = {"1–4": (0.5, 0.5), "6": (0.501, 0.5), "8": (0.9, 0.5), "10": (1.0, 1.0)}
+    for text, at in points.items():
+        beside(ax, text, at, (5.0, 5.0), fontsize=6, color="k")
+    asked = [Text.get_window_extent(note) for note in ax.texts]
+    assert asked[0].overlaps(asked[1])
     unclutter(fig)
-    assert words(ax) == ["1–4", "8", "not a point's number"]
+    fig.draw_without_rendering()
+    boxes = [Text.get_window_extent(note) for note in ax.texts]
+    assert words(ax) == list(points)
+    assert not any(box.count_overlaps(boxes[:i]) for i, box in enumerate(boxes))
+    assert all(abs(np.array(note.xyann)).max() < 25 for note in ax.texts)
+    assert (boxes[3].max <= ax.bbox.max).all()
+
+
+def test_a_number_for_which_there_is_no_place_goes():
+    fig, ax = plt.subplots(figsize=(1.0, 1.0))
+    ax.set(xlim=(0, 1), ylim=(0, 1))
+    for n in range(200):
+        beside(ax, str(n), (0.5, 0.5), (5.0, 5.0), fontsize=8, color="k")
+    unclutter(fig)
+    assert words(ax)[0] == "0"
+    assert len(words(ax)) < 200
+
+
+def test_a_number_keeps_off_a_line():
+    fig, ax = plt.subplots()
+    ax.set(xlim=(0, 1), ylim=(0, 1))
+    ax.plot([0.5, 1.0], [0.5, 0.5])
+    beside(ax, "6", (0.5, 0.5), (5.0, 0.0), fontsize=6, color="k")
+    unclutter(fig)
+    low, high = Text.get_window_extent(ax.texts[0]).intervaly
+    line = ax.transData.transform((0.5, 0.5))[1]
+    assert not low < line < high

@@ -141,26 +141,33 @@ def never_above_q_star(table: pd.DataFrame) -> Finding:
 
 def value_maps(domain: Domain, phi: Mapping[str, FloatArray]) -> Figure:
     """State values, the best action's, of potentials on the cliff's grid: maps and surfaces."""
-    fig = plt.figure(figsize=(7.2, 4.8))
-    for i, (name, values) in enumerate(phi.items(), start=1):
+    fig = plt.figure(figsize=(7.2, 4.4))
+    rows = fig.add_gridspec(2, len(phi), height_ratios=(1.0, 1.25))
+    for i, (name, values) in enumerate(phi.items()):
         grid = np.full((4, 4), np.nan)
         x, y = domain.observations[:, 0], domain.observations[:, 1]
         grid[y, x] = values.max(axis=1)
-        ax = fig.add_subplot(2, len(phi), i)
+        ax = fig.add_subplot(rows[0, i])
         picture = ax.imshow(grid, origin="lower")
         ax.set(title=SYMBOLS[name], xticks=range(4), yticks=range(4), xlabel="x")
+        ax.tick_params(labelsize=8)
         ax.grid(False)
-        fig.colorbar(picture, ax=ax, shrink=0.8).ax.tick_params(labelsize=7)
-        if i == 1:
+        bar = fig.colorbar(picture, ax=ax, fraction=0.046, pad=0.04).ax
+        bar.tick_params(labelsize=7)
+        bar.locator_params(nbins=5)
+        if i == 0:
             ax.set_ylabel("y")
-        hill = fig.add_subplot(2, len(phi), len(phi) + i, projection="3d")
+        hill = fig.add_subplot(rows[1, i], projection="3d")
         hill.plot_surface(
             *np.meshgrid(range(4), range(4)), grid, cmap="cividis", edgecolor="k", lw=0.3
         )
-        hill.set(xticks=range(4), yticks=range(4), xlabel="x", ylabel="y")
-        hill.tick_params(labelsize=7, pad=0)
+        hill.set(xticks=range(4), yticks=range(4))
+        hill.set_xlabel("x", labelpad=-9)
+        hill.set_ylabel("y", labelpad=-9)
+        hill.tick_params(labelsize=7, pad=-3)
+        hill.tick_params(axis="z", pad=0)
         hill.locator_params(axis="z", nbins=4)
-        hill.set_box_aspect((4, 4, 3), zoom=1.25)
+        hill.set_box_aspect((4, 4, 3), zoom=1.1)
     return fig
 
 

@@ -24,7 +24,7 @@ from thesis_lib.domains.planted import random_domain
 from thesis_lib.edition.criteria import judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, criterion
-from thesis_lib.edition.plots import COLOURS, unclutter
+from thesis_lib.edition.plots import COLOURS, beside, unclutter
 from thesis_lib.selection import (
     FixedFeatures,
     JackknifeF,
@@ -239,14 +239,10 @@ def figure(table: pd.DataFrame) -> Figure:
                 "alpha": 0.85,
             }
             (handles[SYMBOLS[method]],) = ax.plot(own.fpr, own.tpr, **look)
-            where: dict[str, Any] = {
-                "xytext": (4 if i % 2 else -4, -9 if i < 2 else 4),
-                "textcoords": "offset points",
-                "ha": "left" if i % 2 else "right",
-            }
+            offset = (5.0 if i % 2 else -5.0, -5.0 if i < 2 else 5.0)
             for row in own.itertuples():
                 at, text = (row.fpr, row.tpr), str(row.tasks_seen)
-                ax.annotate(text, at, fontsize=7, color=COLOURS[i], **where)
+                beside(ax, text, at, offset, fontsize=7, color=COLOURS[i])
         ax.set(xlabel="false positive rate", xlim=(-0.06, 0.3), ylim=(-0.04, 1.08))
         ax.set_title(domain, fontsize=9)
         ax.xaxis.set_major_locator(MaxNLocator(3))

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
-from thesis_lib.edition.plots import COLOURS, PRINTED, band, unclutter
+from thesis_lib.edition.plots import COLOURS, PRINTED, band, beside, unclutter
 
 SYMBOLS: Mapping[str, str] = {
     "fs-tek": "FS-TEK",
@@ -41,10 +41,10 @@ PM = "\u00a0± "
 """Between a number and its half-width: a narrow cell breaks after the sign, not before."""
 
 BESIDE: Mapping[str, tuple[float, float]] = {
-    **{"fs-tek": (1.0, 3.5), "fs-tek schedule": (-9.0, 3.5)},
-    **{"ibkr": (-9.0, -8.5), "jackknife": (1.0, -8.5), "cross-validation": (7.0, -3.0)},
+    **{"fs-tek": (4.0, 5.0), "fs-tek schedule": (-4.0, 5.0)},
+    **{"ibkr": (-4.0, -5.0), "jackknife": (4.0, -5.0), "cross-validation": (6.5, 0.0)},
 }
-"""Where a method's numbers stand beside its markers, in points: each in a corner of its own."""
+"""Where a method's numbers stand beside its markers where there is room, in points."""
 
 
 def two_rates(rows: pd.DataFrame) -> pd.Series:
@@ -90,7 +90,7 @@ def roc(
         own = table[table.method == method].sort_values("tasks_seen")
         look: dict[str, Any] = {"color": COLOUR[method], "marker": MARKER.get(method, "d")}
         ax.plot(own.fpr, own.tpr, ms=4, lw=0.8, label=SYMBOLS[method], **look)
-        _number(ax, own, COLOUR[method], BESIDE.get(method, (1.0, 3.5)), near)
+        _number(ax, own, COLOUR[method], BESIDE.get(method, (0.0, 6.5)), near)
     if printed is not None:
         ax.plot(*printed, "D", color=PRINTED, ms=6, label="thesis, 5 tasks", ls="none")
     ax.set(xlabel="false positive rate", ylabel="true positive rate")
@@ -110,9 +110,8 @@ def _number(
             (i for i, (*_, n) in enumerate(points) if i >= len(same) or n != same[i]), len(points)
         )
         text = str(first) if count == 1 else f"{first}–{points[count - 1][2]}"
-        where: dict[str, Any] = {"xytext": offset, "textcoords": "offset points"}
         halo = [withStroke(linewidth=1.5, foreground="white")]
-        ax.annotate(text, (x, y), fontsize=6, color=colour, path_effects=halo, **where)
+        beside(ax, text, (x, y), offset, fontsize=6, color=colour, path_effects=halo)
         points = points[count:]
 
 

@@ -26,7 +26,7 @@ from thesis_lib.chapter4.runs import Rated, Run, Target, Trial, choose, solve_do
 from thesis_lib.domains import Domain, continuing_cliff, stock, triangle
 from thesis_lib.domains.heat import ACTIONS
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.plots import COLOURS
+from thesis_lib.edition.plots import COLOURS, unclutter
 from thesis_lib.edition.words import plus_minus
 from thesis_lib.mdp.checks import one_of
 from thesis_lib.potentials import linear_cross_task_weights
@@ -337,7 +337,7 @@ def roc_figure(table: pd.DataFrame) -> Figure:
         colour, name = COLOUR["shrinkage"], SYMBOLS["shrinkage"]
         ax.plot(at.fpr, at.tpr, "x-", ms=4, lw=0.8, color=colour, label=name)
         ax.set(xlabel="", ylabel="")
-    return _named(fig, axes, "false positive rate", "true positive rate")
+    return unclutter(_named(fig, axes, "false positive rate", "true positive rate"))
 
 
 def _panels(table: pd.DataFrame) -> tuple[Figure, list[Axes]]:
