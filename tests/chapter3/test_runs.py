@@ -1,6 +1,7 @@
 """Runs of a learner with a potential, and parts of results that can be checked by hand."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from thesis_lib import potentials
@@ -46,6 +47,21 @@ def test_leave_one_out_by_hand():
     totals = np.array([[[9.0], [1.0], [1.0]], [[2.0], [5.0], [5.0]]])
     # For task 0 the others prefer factor 1; for tasks 1 and 2 the sums are 10 against 7.
     assert scaling.leave_one_out(totals).ravel().tolist() == [2.0, 1.0, 1.0]
+
+
+def test_every_return_of_the_table_of_factors_has_its_interval():
+    words = {"domain": "triangle", "algorithm": "sarsa", "potential": "Q_mu"}
+    rows = [
+        {**words, "factor": factor, "mean_return": mean, "ci95": half}
+        for factor, mean, half in ((0.0, 5.0, 1.0), (1.0, -49426.11, 1240.0), (2.0, 9.0, 0.5))
+    ]
+    table = pd.DataFrame(rows).assign(derived_mean=8.0, derived_ci95=0.75)
+    (best,) = scaling.bests(table).to_dict("records")
+    assert (best["factor"], best["at_best"], best["derived"]) == (2.0, 9.0, 8.0)
+    (shown,) = scaling.shown(table).to_dict("records")
+    assert shown["best factor"] == "2"
+    returns = [shown[name] for name in ("return with it", "with factor 1", "derived")]
+    assert returns == ["9.00 ± 0.50", "−49,400 ± 1,200", "8.00 ± 0.75"]
 
 
 def test_greedy_path_reaches_the_goal_without_exploration():

@@ -27,7 +27,7 @@ from thesis_lib.edition.criteria import LEVEL, best, summary
 from thesis_lib.edition.experiment import Context, Returns, experiment, returns
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import PRINTED
-from thesis_lib.edition.words import number
+from thesis_lib.edition.words import number, plus_minus
 from thesis_lib.stats import holm, mean_ci, welch
 
 
@@ -175,15 +175,42 @@ def figure(table: pd.DataFrame) -> Figure:
     return fig
 
 
-def shown(table: pd.DataFrame) -> pd.DataFrame:
-    """Best factor of each potential, with the return there, at 1, and with a derived factor."""
+def bests(table: pd.DataFrame) -> pd.DataFrame:
+    """Best factor of each potential, with the return there, at 1, and with a derived factor.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a ``domain``, ``learner`` and ``potential`` (symbol): the best ``factor`` and the
+        returns ``at_best``, ``at_one`` and ``derived``, each with its half-width of 95%, as
+        ``at_best_ci95``; that of the best does not count that it was chosen after looking.
+    """
     keys = ["domain", "algorithm", "potential"]
     best = table.loc[table.groupby(keys, sort=False).mean_return.idxmax()].set_index(keys)
-    at_one = table[table.factor == 1].set_index(keys).mean_return.reindex(best.index)
+    one = table[table.factor == 1].set_index(keys).reindex(best.index)
     wide = best[["factor"]].assign(
-        at_best=best.mean_return, at_one=at_one, derived=best.derived_mean
+        **{"at_best": best.mean_return, "at_best_ci95": best.ci95},
+        **{"at_one": one.mean_return, "at_one_ci95": one.ci95},
+        **{"derived": best.derived_mean, "derived_ci95": best.derived_ci95},
     )
     wide = wide.reset_index()
-    wide["learner"] = wide.pop("algorithm").map(LEARNERS)
-    wide["potential"] = wide.potential.map(SYMBOLS)
-    return wide[["domain", "learner", "potential", "factor", "at_best", "at_one", "derived"]]
+    wide.insert(1, "learner", wide.pop("algorithm").map(LEARNERS))
+    return wide.assign(potential=wide.potential.map(SYMBOLS))
+
+
+def shown(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows of :func:`bests` as text, returns with their 95% intervals."""
+    own = bests(table)
+    columns = {"at_best": "return with it", "at_one": "with factor 1", "derived": "derived"}
+    returns = {
+        name: [plus_minus(*pair) for pair in zip(own[column], own[f"{column}_ci95"], strict=True)]
+        for column, name in columns.items()
+    }
+    return pd.DataFrame(
+        {
+            "domain and learner": own.domain + ", " + own.learner,
+            "potential": own.potential,
+            "best factor": own.factor.map("{:g}".format),
+            **returns,
+        }
+    )
