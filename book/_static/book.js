@@ -58,6 +58,38 @@ window.addEventListener("load", async () => {
   window.addEventListener("resize", reach);
 });
 
+// The list of a page's sections marks the one that is read.  The theme marks the heading that came
+// into sight last, which is another after scrolling up or a leap.
+window.addEventListener("DOMContentLoaded", () => {
+  const list = document.querySelector("#pst-page-toc-nav");
+  const entries = [...(list?.querySelectorAll("a[href^='#']") ?? [])]
+    .map((link) => [link, document.getElementById(decodeURIComponent(link.hash.slice(1)))])
+    .filter(([, section]) => section);
+  if (!entries.length) return;
+  let asked = false;
+  let still = 0;
+  const mark = () => {
+    asked = false;
+    if (performance.now() < still) return;
+    const reached = ([, section]) => section.getBoundingClientRect().top < 0.3 * innerHeight;
+    const here = (entries.filter(reached).pop() ?? entries[0])[0];
+    for (const [link] of entries) {
+      link.classList.toggle("active", link === here);
+      if (link === here) link.setAttribute("aria-current", "true");
+      else link.removeAttribute("aria-current");
+    }
+    for (const entry of list.querySelectorAll(".toc-entry")) {
+      entry.classList.toggle("active", entry.contains(here));
+    }
+  };
+  window.addEventListener("scroll", () => {
+    if (!asked) requestAnimationFrame(mark);
+    asked = true;
+  }, { passive: true });
+  // A section that was chosen stays marked, though a short last one can't come to the top.
+  window.addEventListener("hashchange", () => { still = performance.now() + 1000; });
+});
+
 // Excerpts that a search finds have no room for long formulas, and none for TeX.
 window.addEventListener("DOMContentLoaded", () => {
   if (typeof Search === "undefined") return;
