@@ -1,5 +1,6 @@
 """The pages written from the ledger."""
 
+import doctest
 import json
 import re
 from dataclasses import replace
@@ -31,9 +32,7 @@ def test_a_claim_has_a_row_with_verdict_place_evidence_and_command() -> None:
     for part in (
         "    The means are ours.",
         "    Off by 3.",
-        "    *Shown in*: {numref}`fig-ch3-table-3-1`.",
-        "`thesis run table-3.1` (budget: book)",
-        "`thesis claims 3.4.1-numbers --seeds 10`",
+        "*Made by*: `thesis run table-3.1`; ID `3.4.1-numbers`; shown in {numref}`fig-ch3-table",
         "  - [Table 3.1](#sec-table-3-1)\n    [headline]{.mark}",
         "  - [B.1](#sec-ch4-appendix-b)\n",
     ):
@@ -52,18 +51,24 @@ def test_a_row_tells_where_the_tables_shown_say_another_verdict_and_how_they_are
     found = Finding(Verdict.REPRODUCED, "It is.")
     page = ledger.scoreboard_markdown([Judgement(claim, found, "book, thesis", OVER)])
     assert "*On the tables shown* the verdict is reproduced." in page
-    assert "`thesis run figure-4.4 --budget thesis`, `thesis run table-3.1` (" in page
+    assert (
+        "`thesis run figure-4.4 --budget thesis`, `thesis run table-3.1` (budget: book, thesis);"
+        in page
+    )
 
 
-def test_a_row_has_its_evidence_in_short_and_whole_where_that_is_longer() -> None:
-    many = "Of 9: " + "; ".join(f"{name} {n} ± 1" for n, name in enumerate("abcdefghi", 10)) + "."
+def test_a_row_has_all_of_its_evidence_once_and_a_long_list_behind_a_click() -> None:
+    items = [f"{name} {n} ± 1" for n, name in enumerate("abcdefghi", 10)]
+    many = "Of 9: " + "; ".join(items) + ". So it is."
     page = ledger.scoreboard_markdown([replace(JUDGED, finding=Finding(Verdict.REFUTED, many))])
-    short, _, rest = page.partition("<details><summary>The whole evidence</summary>")
-    assert "more below." in short
-    assert "more on the Scoreboard" not in page
-    assert many in rest
+    head, _, rest = page.partition("<details><summary>… and the rest</summary>")
+    assert "    Of 9: a 10 ± 1;" in head
+    assert "i 18 ± 1. So it is." in rest
+    for item in items:
+        assert page.count(item) == 1
+    assert "on the Scoreboard" not in page
     assert page.count("<details>") == page.count("</details>") == 2
-    assert "The whole evidence" not in ledger.scoreboard_markdown([JUDGED])
+    assert "the rest" not in ledger.scoreboard_markdown([JUDGED])
 
 
 def test_a_difference_has_a_row() -> None:
@@ -134,6 +139,8 @@ def test_questions_tell_verdicts() -> None:
     assert "It is [refuted (10 of 10)](#claim-3.4.1-numbers)." in told
     assert "1. What?\n\n   [[refuted](#claim-3.4.1-numbers)]{.square .refuted}\n" in told
     assert "[]{.square .refuted} refuted, []{.square} open." in told
+    squares = ledger.squares_markdown([row], [JUDGED])
+    assert squares.startswith("1. [[refuted](#claim-3.4.1-numbers)]{.square .refuted}\n\n[]{")
     row |= {"ours": "It is {3.4.1-numbers}.\n{3.4.1-numbers evidence}"}
     more = Finding(Verdict.REFUTED, "Off by Q_d. Not by more.")
     quoted = ledger.questions_markdown([row], [replace(JUDGED, finding=more)])
@@ -190,3 +197,7 @@ def test_a_verdict_that_changed_has_a_reason() -> None:
         replace(CLAIM, was="refuted")
     with pytest.raises(ValueError, match="true"):
         replace(CLAIM, was="true", because="So it is.")
+
+
+def test_the_examples_in_its_docstrings() -> None:
+    assert doctest.testmod(ledger).failed == 0

@@ -16,7 +16,7 @@ from thesis_lib.edition import roots
 from thesis_lib.edition.deepest import committed
 from thesis_lib.edition.ledger import MEANING, Claim, Difference, Judgement, Verdict
 from thesis_lib.edition.scoreboard import effect
-from thesis_lib.edition.words import brief, plain, several, typeset
+from thesis_lib.edition.words import brief, parted, plain, several, typeset
 
 _CLASSES = ("exact", "in all roots", "in most roots", "in no eight of ten", "waiting")
 
@@ -107,16 +107,18 @@ def _claim(j: Judgement, *, earlier: bool) -> list[str]:
     deep = {f.stem for f in committed().glob("*.json")} if "thesis" in j.budget else set()
     made = [f"thesis run {e}" + " --budget thesis" * (e in deep) for e in claim.experiments]
     made = made or [f"thesis claims {claim.id}"]
-    over = "; the verdicts over roots are of earlier code or runs" * earlier
-    again = f"; over roots `thesis claims {claim.id} --seeds 10`" if claim.experiments else ""
-    whole, short = j.finding.evidence, brief(j.finding.evidence)
+    usual = j.budget in ("book", "exact")
+    source = [", ".join(f"`{m}`" for m in made) + ("" if usual else f" (budget: {j.budget})")]
+    source += [f"ID `{claim.id}`"] * bool(claim.experiments)
+    source += [f"shown in {link(claim.figure)}"] if claim.figure else []
+    source += ["the verdicts over roots are of earlier code or runs"] * earlier
+    head, rest = parted(j.finding.evidence)
     details: list[str | _Folded] = [
         *([f"*On the tables shown* the verdict is {j.here}."] if j.here else []),
-        short.replace("more on the Scoreboard", "more below"),
-        *([_Folded("The whole evidence", [whole])] if short != whole else []),
+        head,
+        *([_Folded("… and the rest", [rest])] if rest else []),
         f"*Criterion*: {claim.criterion}",
-        f"*Made by*: {', '.join(f'`{m}`' for m in made)} (budget: {j.budget}){again}{over}.",
-        *([f"*Shown in*: {link(claim.figure)}."] if claim.figure else []),
+        f"*Made by*: {'; '.join(source)}.",
     ]
     return [
         f"* - [{j.verdict}]{{.verdict .{_slug(j.verdict)}}}",
@@ -187,31 +189,47 @@ def questions_markdown(rows: Iterable[Mapping[str, str]], judged: Iterable[Judge
     """
     by_id = {j.claim.id: j for j in judged}
 
-    def judgement(claim: str) -> Judgement:
-        if claim not in by_id:
-            raise ValueError(f"questions.toml names a claim {claim!r}, which is not there.")
-        return by_id[claim]
-
     def told(found: re.Match[str]) -> str:
-        own = judgement(found[1])
+        own = _answering(found[1], by_id)
         if found[2]:
             return first_sentence(own.finding.evidence)
         return f"[{own.in_words()}](#claim-{found[1]})"
 
     overview, answers = [], []
     for number, row in enumerate(rows, 1):
-        ids = [claim for claim, evidence in _NAMED.findall(row["ours"]) if not evidence]
-        named = sorted(map(judgement, ids), key=lambda j: [*Verdict].index(j.verdict))
-        squares = " ".join(
-            f"[[{j.verdict}](#claim-{j.claim.id})]{{.square .{_slug(j.verdict)}}}" for j in named
-        )
-        overview += [f"{number}. {row['text']}", "", f"   {squares}", ""]
+        overview += [f"{number}. {row['text']}", "", f"   {_squares(row, by_id)}", ""]
         answers += [f"### {row['text']}", "", f"**The thesis.** {row['thesis']}", ""]
         answers += [f"**This edition.** {typeset(_NAMED.sub(told, row['ours'].strip()))}", ""]
+    return "\n".join([*overview, f"{_legend()}.", "", *answers])
+
+
+def squares_markdown(rows: Iterable[Mapping[str, str]], judged: Iterable[Judgement]) -> str:
+    """The claims that help to answer each research question as squares, a line a question."""
+    by_id = {j.claim.id: j for j in judged}
+    lines = [f"{number}. {_squares(row, by_id)}" for number, row in enumerate(rows, 1)]
+    return "\n".join([*lines, "", f"{_legend()}.", ""])
+
+
+def _answering(claim: str, by_id: Mapping[str, Judgement]) -> Judgement:
+    if claim not in by_id:
+        raise ValueError(f"questions.toml names a claim {claim!r}, which is not there.")
+    return by_id[claim]
+
+
+def _squares(row: Mapping[str, str], by_id: Mapping[str, Judgement]) -> str:
+    """The claims of an answer as squares, by verdict."""
+    ids = [claim for claim, evidence in _NAMED.findall(row["ours"]) if not evidence]
+    named = sorted((_answering(c, by_id) for c in ids), key=lambda j: [*Verdict].index(j.verdict))
+    return " ".join(
+        f"[[{j.verdict}](#claim-{j.claim.id})]{{.square .{_slug(j.verdict)}}}" for j in named
+    )
+
+
+def _legend() -> str:
+    """What the colours of squares mean."""
     settled = (Verdict.REPRODUCED, Verdict.DIRECTION, Verdict.NOT_REPRODUCED, Verdict.REFUTED)
     legend = [f"[]{{.square .{_slug(verdict)}}} {verdict}" for verdict in settled]
-    legend += ["[]{.square} open"]
-    return "\n".join([*overview, f"{', '.join(legend)}.", "", *answers])
+    return ", ".join([*legend, "[]{.square} open"])
 
 
 def in_order(section: str) -> tuple[str, list[float]]:

@@ -187,6 +187,10 @@ def named_code(page: str) -> str:
     return _FOLDED.sub(named, page)
 
 
+_LEDGER = re.compile(r'<table class="[^"]*\b(?:ledger|cards)\b.*?</table>', re.DOTALL)
+"""A table of the ledger, whose hundreds of commands look as code does without a class."""
+
+
 def _shorten(app: Any, exception: Exception | None) -> None:
     """Have pictures loaded when they come into sight, and say how large they are.
 
@@ -230,6 +234,7 @@ def _shorten(app: Any, exception: Exception | None) -> None:
         short = re.sub(r'<span class="(?:pre|std std-\w+)">([^<]*)</span>', r"\1", short)
         short = short.replace('class="docutils literal notranslate"', 'class="literal"')
         short = re.sub(r' class="(?:row-(?:even|odd)|reference internal)"', "", short)
+        short = _LEDGER.sub(lambda table: table[0].replace(' class="literal"', ""), short)
         if short != text:
             page.write_text(short, encoding="utf-8")
 

@@ -21,6 +21,7 @@ from thesis_lib.book.ledger import (
     questions_markdown,
     quoted,
     scoreboard_markdown,
+    squares_markdown,
 )
 from thesis_lib.book.thesis_items import ITEMS, items_markdown, read_items
 from thesis_lib.edition import deepest
@@ -51,6 +52,7 @@ def generated(
         "findings.md": findings_markdown(judged),
         "scoreboard.md": scoreboard_markdown(judged),
         "questions.md": questions_markdown(questions(), judged),
+        "squares.md": squares_markdown(questions(), judged),
         "ledger.json": quoted(judged),
         "differences.json": by_place(differences()),
         "differences.md": differences_markdown(differences(), results),

@@ -128,6 +128,35 @@ def brief(text: str, numbers: int = 8) -> str:
     return " ".join(_brief(sentence, numbers) for sentence in re.split(r"(?<=\.) (?=[A-Z])", text))
 
 
+def parted(text: str, numbers: int = 8, *, sentences: bool = False) -> tuple[str, str]:
+    """Evidence up to where its short form leaves something out, and the rest, if it does.
+
+    Parameters
+    ----------
+    text, numbers
+        As of :func:`brief`.
+    sentences
+        Whether all after the first sentence is rest.
+
+    >>> parted("It is 3 of 4. So it is.")
+    ('It is 3 of 4. So it is.', '')
+    >>> parted("It is 3 of 4. So it is.", sentences=True)
+    ('It is 3 of 4.', 'So it is.')
+    >>> parted("Left: 9% at 1, 8% at 2, 7% at 3, 6% at 4, 5% at 5, 4% at 6 and 3% at 7. So.")
+    ('Left: 9% at 1, 8% at 2, 7% at 3,', '6% at 4, 5% at 5, 4% at 6 and 3% at 7. So.')
+    """
+    short = brief(text, numbers)
+    same = sum(
+        1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(short, text, strict=False))
+    )
+    shared = text[:same]
+    if shared != text:  # back to where an item ends, as the next may begin with the same digits
+        shared = shared[: max(shared.rfind(mark) for mark in (". ", "; ", ", ", ": ")) + 1]
+    if sentences and (end := re.search(r"(?<=\.) (?=[A-Z])", shared)):
+        shared = shared[: end.start()]
+    return (shared.rstrip(), text[len(shared) :].lstrip()) if shared else (text, "")
+
+
 def _brief(sentence: str, numbers: int) -> str:
     if inner := re.search(r"\(([^()]*;[^()]*:[^()]*)\)", sentence):
         start, end = inner.span(1)
