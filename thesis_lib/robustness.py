@@ -43,6 +43,13 @@ def score(base: ArrayLike, perturbed: ArrayLike, best: ArrayLike | None = None) 
     ------
     ValueError
         When a return is infinite, or the best return is not positive.
+
+    Examples
+    --------
+    The first controller loses half of its return, the second nothing:
+
+    >>> score(base=[100.0, 80.0], perturbed=[50.0, 80.0]).tolist()
+    [0.5, 0.8]
     """
     b, p = _returns(base), _returns(perturbed)
     top = np.maximum(b, p).max(axis=-1, keepdims=True) if best is None else _returns(best)

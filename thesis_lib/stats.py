@@ -50,6 +50,12 @@ def mean_ci(values: ArrayLike, level: float = 0.95) -> Mean:
     Returns
     -------
     Mean
+
+    Examples
+    --------
+    >>> found = mean_ci([1.0, 2.0, 3.0])
+    >>> found.mean, round(found.half_width, 3)  # 4.303 standard errors
+    (2.0, 2.484)
     """
     x = _sample(values)
     sem = x.std(ddof=1) / np.sqrt(len(x))
@@ -170,6 +176,11 @@ def holm(p_values: ArrayLike) -> FloatArray:
     -------
     FloatArray
         Adjusted p-values in the same order, shape ``(n,)``.
+
+    Examples
+    --------
+    >>> holm([0.01, 0.04, 0.03]).round(9).tolist()
+    [0.03, 0.06, 0.06]
     """
     p = np.asarray(p_values, dtype=float)
     if p.ndim != 1 or ((p < 0) | (p > 1) | np.isnan(p)).any():

@@ -216,6 +216,12 @@ def continuing_cliff(
     Returns
     -------
     Domain
+
+    Examples
+    --------
+    >>> domain = continuing_cliff()
+    >>> len(domain), domain.shape, domain.feature_names
+    (8, (32, 4), ('x', 'y', 'cliff'))
     """
     return _domain(
         "continuing cliff", size, sensor=sensor, continuing=True, discount=discount, **options

@@ -531,6 +531,12 @@ def stock(
     -------
     Domain
         Its tasks share their :math:`2^{S+SE+G}` states, and are built when asked for.
+
+    Examples
+    --------
+    >>> market = stock(sectors=1, stocks=2, global_factors=2)
+    >>> len(market), market.shape, market.feature_names
+    (12, (32, 2), ('s1', 's1e1', 's1e2', 'g1', 'g2'))
     """
     tasks = StockTasks(
         _size(sectors, stocks, global_factors),

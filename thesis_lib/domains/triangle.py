@@ -180,6 +180,14 @@ def triangle(
     Returns
     -------
     Domain
+
+    Examples
+    --------
+    >>> domain = triangle()
+    >>> len(domain), domain.shape
+    (12, (12, 3))
+    >>> domain.actions
+    ('L', 'R', 'U')
     """
     all_layouts = layouts(shape)
     tasks = tuple(

@@ -277,6 +277,15 @@ class BatchTask:
     or acceleration not finite or too large.  Its episode ends with the reward
     ``DIVERGENCE_REWARD`` and the flag ``info.diverged``, its observation is the last
     good one, and the other worlds go on.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> task = BatchTask("Hopper", num_envs=2, seed=0)
+    >>> task.reset().shape
+    (2, 20)
+    >>> task.step(np.zeros((2, task.action_size))).reward.shape
+    (2,)
     """
 
     def __init__(

@@ -443,6 +443,11 @@ def make_task(
     ValueError
         For an unknown name, reading or termination, a number that is not finite, or a robot
         with a limit on its height or pitch that has no such coordinate.
+
+    Examples
+    --------
+    >>> make_task("HalfCheetah").observation_size
+    20
     """
     robot = get_robot(name)
     if reading not in get_args(Reading):

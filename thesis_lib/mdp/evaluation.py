@@ -108,6 +108,15 @@ def start_value(mdp: MDP, policy: ArrayLike) -> float:
     r"""Expected return :math:`\sum_s p(s_0 = s) V^\pi(s)` of a policy from the start.
 
     Parameters and errors are those of :func:`evaluate`.
+
+    Examples
+    --------
+    >>> from thesis_lib.domains import episodic_cliff
+    >>> from thesis_lib.mdp import soft_policy_iteration
+    >>> task = episodic_cliff().tasks[0]
+    >>> soft = soft_policy_iteration(task, epsilon=0.1)
+    >>> round(start_value(task, soft.policy), 2)  # exploring beside a cliff costs
+    -38.38
     """
     return float(mdp.start @ evaluate(mdp, policy).v)
 

@@ -283,6 +283,17 @@ def learn(
 
     *Schedules.*  The action taken in step t is chosen with the epsilon of t (or of its
     episode).
+
+    Examples
+    --------
+    >>> from thesis_lib.domains import episodic_cliff
+    >>> from thesis_lib.potentials import q_tilde
+    >>> cliffs = episodic_cliff()
+    >>> potential = cliffs.scatter(q_tilde(cliffs, epsilon=0.1), task=0)
+    >>> settings = dict(alpha=0.1, epsilon=0.1, episodes=200, potential=potential)
+    >>> shaped = learn(cliffs.tasks[0], "q_learning", rng=0, **settings)
+    >>> shaped.episode_returns.shape, shaped.q.shape
+    ((200,), (16, 4))
     """
     require_mdp(mdp)
     one_of("method", method, METHODS)

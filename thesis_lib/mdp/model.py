@@ -180,6 +180,23 @@ class TabularMDP(MDP):
     Notes
     -----
     Source: section 2.2.  The arrays are copied and made read-only.
+
+    Examples
+    --------
+    A state that is left with probability one half a step:
+
+    >>> import numpy as np
+    >>> waiting = TabularMDP(
+    ...     transition=np.array([[[0.5, 0.5]], [[0.0, 1.0]]]),
+    ...     reward=np.array([[-1.0], [0.0]]),
+    ...     start=np.array([1.0, 0.0]),
+    ...     terminal=np.array([False, True]),
+    ...     discount=1.0,
+    ... )
+    >>> waiting.n_states, waiting.n_actions
+    (2, 1)
+    >>> waiting.lookahead(np.array([-2.0, 0.0])).tolist()  # -2 is its value
+    [[-2.0], [0.0]]
     """
 
     transition: FloatArray

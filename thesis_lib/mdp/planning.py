@@ -435,6 +435,13 @@ def solve(mdp: MDP) -> Solution:
     ------
     ValueError
         When the discount is 1 and values are not finite.
+
+    Examples
+    --------
+    >>> from thesis_lib.domains import episodic_cliff
+    >>> task = episodic_cliff().tasks[0]
+    >>> round(float(solve(task).v @ task.start), 6)  # five steps round the cliff
+    -5.0
     """
     require_mdp(mdp)
     return soft_policy_iteration(mdp, 0.0)

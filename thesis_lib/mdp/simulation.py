@@ -78,6 +78,14 @@ def simulate(
     ------
     ValueError
         When an argument is malformed, or episodes might never end and are not cut off.
+
+    Examples
+    --------
+    >>> from thesis_lib.domains import episodic_cliff
+    >>> from thesis_lib.mdp import solve
+    >>> task = episodic_cliff().tasks[0]
+    >>> simulate(task, solve(task).greedy, episodes=3, rng=0).lengths.tolist()
+    [5, 5, 5]
     """
     chances = _chances(mdp, policy, max_episode_steps)
     n = positive_integer("episodes", episodes)

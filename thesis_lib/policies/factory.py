@@ -143,6 +143,12 @@ def make_policy(
     ValueError
         When the architecture or an option does not exist, the scale is negative, or units are
         given to a deep net, or to a shallow one beside its layers.
+
+    Examples
+    --------
+    >>> policy = make_policy("ctrnn", 11, 3, dt=0.01, units=10, seed=0)
+    >>> policy.observation_size, policy.action_size
+    (11, 3)
     """
     if not (math.isfinite(head_scale) and head_scale >= 0):
         raise ValueError(f"head_scale is {head_scale}, but it must be a number from 0 on.")

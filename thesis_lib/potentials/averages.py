@@ -229,7 +229,18 @@ def least_squares_weights(
 
 
 def q_star(domain: Domain, weights: ArrayLike | None = None) -> FloatArray:
-    """The potential :math:`Q^*_d`, mean of optimal values (eq. 3.6), shape ``(O, A)``."""
+    """The potential :math:`Q^*_d`, mean of optimal values (eq. 3.6), shape ``(O, A)``.
+
+    Examples
+    --------
+    >>> from thesis_lib.domains import triangle
+    >>> domain = triangle()
+    >>> potential = q_star(domain)
+    >>> potential.shape == domain.shape
+    True
+    >>> domain.scatter(potential, task=0).shape  # as a task's learner takes it
+    (4, 3)
+    """
     return cross_task_values(domain, optimal_solutions(domain), weights)
 
 
@@ -244,6 +255,15 @@ def q_tilde(domain: Domain, epsilon: float, weights: ArrayLike | None = None) ->
         Exploration rate of the soft policies.
     weights
         p(x|m), shape ``(M, O, A)``; default uniform.
+
+    Examples
+    --------
+    No soft policy is worth more than the best one:
+
+    >>> from thesis_lib.domains import triangle
+    >>> domain = triangle()
+    >>> bool((q_tilde(domain, epsilon=0.1) < q_star(domain) + 1e-9).all())
+    True
     """
     return cross_task_values(domain, soft_solutions(domain, epsilon), weights)
 

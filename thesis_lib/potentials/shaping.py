@@ -47,6 +47,11 @@ def look_ahead_advice(
     Notes
     -----
     Source: section 3.1, after Wiewiora, Cottrell and Elkan (2003).
+
+    Examples
+    --------
+    >>> look_ahead_advice([[0.0, 1.0], [2.0, 3.0]], 0.5, s=0, a=1, s_next=1, a_next=1)
+    0.5
     """
     phi = np.asarray(potential, dtype=float)
     return float(discount * phi[s_next, a_next] - phi[s, a])

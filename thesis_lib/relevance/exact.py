@@ -103,6 +103,16 @@ def k_relevance(
     Notes
     -----
     Source: definition 5, equation 4.6; the formula is this edition's.
+
+    Examples
+    --------
+    In two tasks a colour means as much, and the opposite.
+
+    >>> from thesis_lib.relevance import Solutions, TaskTable, remove
+    >>> tables = [TaskTable(("colour", "a"), [[0, 0], [1, 0]], [-q, q]) for q in (1.0, -1.0)]
+    >>> solutions = Solutions.from_tables(tables)
+    >>> k_relevance(solutions, remove(solutions, ["colour"]), [1, 2, 4]).round(9).tolist()
+    [1.0, 0.5, 0.25]
     """
     law = _Law(solutions, k, distribution, replacement, direction)
     return law(partition(solutions, labels)).reshape(np.shape(k))
@@ -168,6 +178,16 @@ def domain_relevance(
     Notes
     -----
     Source: equation 4.7 and corollary 1.
+
+    Examples
+    --------
+    In two tasks a colour means as much, and the opposite.
+
+    >>> from thesis_lib.relevance import Solutions, TaskTable, remove
+    >>> tables = [TaskTable(("colour", "a"), [[0, 0], [1, 0]], [-q, q]) for q in (1.0, -1.0)]
+    >>> solutions = Solutions.from_tables(tables)
+    >>> domain_relevance(solutions, remove(solutions, ["colour"]))
+    0.0
     """
     one_of("direction", direction, ("backward", "forward"))
     D = check_distribution(distribution, solutions.n_tasks)

@@ -118,6 +118,15 @@ class Solutions:
         Solutions
             With N = O A pairs, the action running fastest.  A sequence of tasks drawn
             from the domain is :meth:`take` of this.
+
+        Examples
+        --------
+        >>> from thesis_lib.domains import triangle
+        >>> from thesis_lib.potentials import optimal_solutions
+        >>> domain = triangle()
+        >>> solutions = Solutions.from_domain(domain, optimal_solutions(domain))
+        >>> solutions.n_tasks, solutions.n_pairs, solutions.n_features
+        (12, 36, 4)
         """
         if ACTION in domain.feature_names:
             raise ValueError(

@@ -143,6 +143,21 @@ class FSTEK(BackwardElimination):
     Source: algorithm 7 and the tweaks of section 4.3.  A feature whose fit is
     ill-conditioned, does not converge or has no asymptote (:math:`\theta_3 \le 0`) is
     "unsure": kept, tested again in the next round, and listed in ``unsure_``.
+
+    Examples
+    --------
+    Eight tasks, whose values depend on fuel, and on colour in every other task the other way.
+
+    >>> import numpy as np
+    >>> from thesis_lib.relevance import Solutions, TaskTable
+    >>> x = np.array([(fuel, colour, 0) for fuel in range(3) for colour in range(2)])
+    >>> tables = [
+    ...     TaskTable(("fuel", "colour", "a"), x, x[:, 0] + sign * (2 * x[:, 1] - 1))
+    ...     for sign in [1.0, -1.0] * 4
+    ... ]
+    >>> solutions = Solutions.from_tables(tables)
+    >>> FSTEK(alpha=0.001).fit(solutions).get_feature_names_out().tolist()
+    ['fuel']
     """
 
     min_tasks = 3

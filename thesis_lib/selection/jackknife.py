@@ -107,6 +107,21 @@ class JackknifeF(BackwardElimination):
     Notes
     -----
     This edition's method.  Derivation and limits: :mod:`thesis_lib.selection.jackknife`.
+
+    Examples
+    --------
+    Eight tasks, whose values depend on fuel, and on colour in every other task the other way.
+
+    >>> import numpy as np
+    >>> from thesis_lib.relevance import Solutions, TaskTable
+    >>> x = np.array([(fuel, colour, 0) for fuel in range(3) for colour in range(2)])
+    >>> tables = [
+    ...     TaskTable(("fuel", "colour", "a"), x, x[:, 0] + sign * (2 * x[:, 1] - 1))
+    ...     for sign in [1.0, -1.0] * 4
+    ... ]
+    >>> solutions = Solutions.from_tables(tables)
+    >>> JackknifeF(alpha=0.05).fit(solutions).get_feature_names_out().tolist()
+    ['fuel']
     """
 
     min_tasks = 3
@@ -189,6 +204,11 @@ def f_threshold(n: int, alpha: float, directions: float = 1.0) -> float:
         Upper tail probability, in (0, 1).
     directions
         :math:`\nu`, at least 1; at 1 the quantile is that of the square of Student's t.
+
+    Examples
+    --------
+    >>> round(f_threshold(8, 0.05), 3)  # of F with 1 and 7 degrees of freedom
+    5.591
     """
     level = check_alpha(alpha, n)
     if directions == 1.0:

@@ -117,6 +117,21 @@ class LeaveOneTaskOut(BackwardElimination):
     :mod:`thesis_lib.selection.prediction`.  It asks which function predicts better, not
     whether a feature is relevant: an irrelevant one is kept with a probability that does not
     tend to 0 (for one Gaussian direction, that of a squared Student t above the threshold).
+
+    Examples
+    --------
+    Eight tasks, whose values depend on fuel, and on colour in every other task the other way.
+
+    >>> import numpy as np
+    >>> from thesis_lib.relevance import Solutions, TaskTable
+    >>> x = np.array([(fuel, colour, 0) for fuel in range(3) for colour in range(2)])
+    >>> tables = [
+    ...     TaskTable(("fuel", "colour", "a"), x, x[:, 0] + sign * (2 * x[:, 1] - 1))
+    ...     for sign in [1.0, -1.0] * 4
+    ... ]
+    >>> solutions = Solutions.from_tables(tables)
+    >>> LeaveOneTaskOut().fit(solutions).get_feature_names_out().tolist()
+    ['fuel']
     """
 
     min_tasks = 2

@@ -61,6 +61,14 @@ def train(
         it is.
     ValueError
         When the directory holds another run.
+
+    Examples
+    --------
+    >>> from thesis_lib.training.config import TrainConfig
+    >>> short = dict(batch_steps=200, horizon=50, iterations=2)
+    >>> run = train(TrainConfig("Pendulum-v1", architecture="gru", **short))
+    >>> run.curve.steps.tolist()
+    [200, 400]
     """
     if directory is None:
         with own_settings():
