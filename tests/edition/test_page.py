@@ -196,6 +196,22 @@ class TestVerdicts:
         page.tables["table-0"] = pd.DataFrame({"x": [-1.0]})
         assert page.verdict("0.1-mean") == "refuted"
 
+    def test_long_evidence_unfolds_and_none_is_lost_or_repeated(self, page: nb.Page) -> None:
+        items = [f"{9 * name} {n} ± 1" for n, name in enumerate("abc", 10)]
+
+        def judge(table: pd.DataFrame) -> Finding:
+            return Finding(Verdict.REPRODUCED, f"Of 3: {'; '.join(items)}. So it is.")
+
+        long = Claim("0.3-long", "0.3", "Many.", ("table-0",), "It is.", judge)
+        page.claims["0.3-long"] = long
+        page.tables["table-0"] = pd.DataFrame({"x": [1.0]})
+        (text,) = page.verdicts("0.3").evidence
+        head, _, rest = text.partition("</summary>")
+        assert head.startswith("<details><summary>Of 3: aaaaaaaaa 10 ± 1;")
+        assert rest.endswith("ccccccccc 12 ± 1. So it is.</details>")
+        assert all(text.count(item) == 1 for item in items)
+        assert page.verdicts("0.1").evidence.tolist() == ["By its mean."]
+
     def test_a_claim_whose_experiment_has_not_run_is_an_error(self, page: nb.Page) -> None:
         with pytest.raises(ValueError, match="rests on table-0: run it above first"):
             page.verdict("0.1-mean")

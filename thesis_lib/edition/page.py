@@ -44,7 +44,7 @@ from thesis_lib.edition.ledger import (
     finding,
 )
 from thesis_lib.edition.plots import use_style
-from thesis_lib.edition.words import brief, plain, typeset
+from thesis_lib.edition.words import brief, parted, plain, typeset
 from thesis_lib.imports import parsed
 
 #: First line of the cell in which papermill assigns the parameters it was given.
@@ -208,6 +208,14 @@ def table(
     )
 
 
+def _folded(evidence: str) -> str:
+    """Evidence of which all but its first numbers unfolds; the Scoreboard has what is cut here."""
+    head, rest = parted(brief(evidence), 4, sentences=True)
+    return (
+        f"<details><summary>{head}</summary>{rest}</details>" if len(rest) > 40 else brief(evidence)
+    )
+
+
 def _pipe(cells: Iterable[str]) -> str:
     return "| " + " | ".join(cells) + " |"
 
@@ -358,7 +366,8 @@ class Page:
         """Claims whose ids start so: columns ``claim``, ``verdict``, ``evidence``.
 
         Without prefixes, all for which the page has run the experiments.  The verdict is the
-        one over roots, with its frequency; the evidence that of this page.
+        one over roots, with its frequency; the evidence that of this page, of which all but the
+        beginning unfolds.
 
         Raises
         ------
@@ -383,7 +392,7 @@ class Page:
         ]
         found = [self._judged(name) for name in wanted]
         return pd.DataFrame(
-            [(j.claim.statement, j.in_words(), brief(j.finding.evidence)) for j in found],
+            [(j.claim.statement, j.in_words(), _folded(j.finding.evidence)) for j in found],
             columns=["claim", "verdict", "evidence"],
         )
 
