@@ -10,6 +10,7 @@ import pytest
 from thesis_lib.book import ledger
 from thesis_lib.edition import chapters
 from thesis_lib.edition.ledger import Claim, Difference, Finding, Judgement, OverRoots, Verdict
+from thesis_lib.edition.words import typeset
 
 CLAIM = Claim(
     *("3.4.1-numbers", "Table 3.1", "The means are ours.", ("table-3.1",), "Near.", lambda _: None),
@@ -32,7 +33,7 @@ def test_a_claim_has_a_row_with_verdict_place_evidence_and_command() -> None:
     for part in (
         "    The means are ours.",
         "    Off by 3.",
-        "*Made by*: `thesis run table-3.1`; ID `3.4.1-numbers`; shown in {numref}`fig-ch3-table",
+        "*Made by*: `thesis run table-3.1`; ID 3.4.1-numbers; shown in {numref}`fig-ch3-table",
         "  - [Table 3.1](#sec-table-3-1)\n    [headline]{.mark}",
         "  - [B.1](#sec-ch4-appendix-b)\n",
     ):
@@ -69,6 +70,21 @@ def test_a_row_has_all_of_its_evidence_once_and_a_long_list_behind_a_click() -> 
     assert "on the Scoreboard" not in page
     assert page.count("<details>") == page.count("</details>") == 2
     assert "the rest" not in ledger.scoreboard_markdown([JUDGED])
+
+
+def test_evidence_that_two_claims_share_stands_with_the_first() -> None:
+    long = replace(JUDGED, finding=Finding(Verdict.REFUTED, f"{'Off. ' * 40}By 3."))
+    also = replace(long, claim=replace(CLAIM, id="3.4.1-also"))
+    page = ledger.scoreboard_markdown([long, also])
+    assert page.count("By 3.") == 1
+    assert "That of [the claim 3.4.1-numbers](#claim-3.4.1-numbers)." in page
+    short = [replace(j, finding=JUDGED.finding) for j in (long, also)]
+    assert ledger.scoreboard_markdown(short).count("Off by 3.") == 2
+
+
+def test_ids_stand_as_they_are_typed() -> None:
+    for claim in chapters.claims():
+        assert typeset(f"ID {claim.id};") == f"ID {claim.id};"
 
 
 def test_a_difference_has_a_row() -> None:

@@ -93,13 +93,20 @@ def _claims(
     """A table of claims with a label and a class of ``book.css``."""
     lines = [f"::::{{list-table}} {title}", f":name: {name}", f":class: {look}"]
     lines += [":header-rows: 1", "", "* - verdict", "  - claim", "  - where"]
+    told: dict[str, str] = {}
     for j in judged:
-        lines += _claim(j, earlier=j.claim.id in earlier)
+        # Claims that one result decides share long sentences, which stand with the first.
+        first = told.setdefault(j.finding.evidence, j.claim.id)
+        repeats = first if first != j.claim.id and len(j.finding.evidence) > 120 else ""
+        lines += _claim(j, earlier=j.claim.id in earlier, repeats=repeats)
     return [*lines, "::::", ""]
 
 
-def _claim(j: Judgement, *, earlier: bool) -> list[str]:
-    """One row of the table of claims; ``earlier`` as for :func:`_state`."""
+def _claim(j: Judgement, *, earlier: bool, repeats: str = "") -> list[str]:
+    """One row of the table of claims; ``earlier`` as for :func:`_state`.
+
+    ``repeats`` is the claim above, if any, whose evidence is the same.
+    """
     claim = j.claim
     about = [claim.section]
     about += ["headline"] * claim.headline
@@ -109,10 +116,11 @@ def _claim(j: Judgement, *, earlier: bool) -> list[str]:
     made = made or [f"thesis claims {claim.id}"]
     usual = j.budget in ("book", "exact")
     source = [", ".join(f"`{m}`" for m in made) + ("" if usual else f" (budget: {j.budget})")]
-    source += [f"ID `{claim.id}`"] * bool(claim.experiments)
+    source += [f"ID {claim.id}"] * bool(claim.experiments)
     source += [f"shown in {link(claim.figure)}"] if claim.figure else []
     source += ["the verdicts over roots are of earlier code or runs"] * earlier
-    head, rest = parted(j.finding.evidence)
+    same = f"That of [the claim {repeats}](#claim-{repeats})."
+    head, rest = (same, "") if repeats else parted(j.finding.evidence)
     details: list[str | _Folded] = [
         *([f"*On the tables shown* the verdict is {j.here}."] if j.here else []),
         head,
