@@ -134,7 +134,7 @@ def unclutter(fig: Figure) -> Figure:
         ink = [_ink(line, 2 * pixel) for line in ax.lines]
         kept: list[Bbox] = []
         for note in [text for text in ax.texts if isinstance(text, Annotation)]:
-            size = Text.get_window_extent(note).size + pixel
+            size = np.asarray(Text.get_window_extent(note).size) + pixel
             x, y = ax.transData.transform(note.xy)
             asked = np.asarray(note.xyann, dtype=float)
             turns = np.arctan2(asked[1], asked[0]) + np.linspace(0, 2 * np.pi, 16, endpoint=False)
@@ -160,7 +160,7 @@ def unclutter(fig: Figure) -> Figure:
 
 def _within(box: Bbox, frame: BboxBase) -> bool:
     """Whether a box lies in another."""
-    return bool((box.min >= frame.min).all() and (box.max <= frame.max).all())
+    return bool(np.all(box.min >= frame.min) and np.all(box.max <= frame.max))
 
 
 def _ink(line: Line2D, gap: float) -> tuple[FloatArray, FloatArray]:
