@@ -4,7 +4,8 @@
 defined.  One that the reference does not describe, such as a field or an experiment's module,
 is looked up in the package itself and shown as code; one that does not exist there either stays
 unresolved, and the build fails.  Names of other libraries in docstrings are shown as they are:
-there is no network to look them up in.  Attributes that share a line are told apart.
+there is no network to look them up in.  On the page Notation plain code is looked up, too.
+Attributes that share a line are told apart.
 """
 
 from __future__ import annotations
@@ -14,6 +15,9 @@ from importlib import import_module
 from typing import Any
 
 from thesis_lib.imports import PACKAGE
+
+NOTATION = "book/notation"
+"""The page whose code spans are names of this package, less the package."""
 
 _ABSENT = object()
 
@@ -78,6 +82,21 @@ def _resolve(app: Any, env: Any, node: Any, content: Any) -> Any:
     return make_refnode(app.builder, docname, entry.docname, entry.node_id, content, name)
 
 
+def _link_notation(app: Any, doctree: Any) -> None:
+    """Make links of the names that the page Notation gives as code (event ``doctree-read``)."""
+    from docutils import nodes
+    from sphinx.addnodes import pending_xref
+
+    if app.env.docname != NOTATION:
+        return
+    for code in list(doctree.findall(nodes.literal)):
+        name = f"{PACKAGE}.{code.astext().partition('(')[0]}"  # without an argument
+        if name.count(".") > 1 and exists(name):
+            about = {"refdomain": "py", "reftype": "obj", "reftarget": name, "refwarn": False}
+            link = pending_xref("", code.deepcopy(), refdoc=NOTATION, refexplicit=True, **about)
+            code.replace_self(link)
+
+
 def tell_attributes_apart() -> None:
     """Let napoleon read ``low, high`` among attributes as two, as it does among arguments."""
     from sphinx.ext.napoleon.docstring import NumpyDocstring
@@ -96,5 +115,6 @@ def tell_attributes_apart() -> None:
 def setup(app: Any) -> dict[str, bool]:
     """Register with Sphinx."""
     tell_attributes_apart()
+    app.connect("doctree-read", _link_notation)
     app.connect("missing-reference", _resolve)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
