@@ -1,24 +1,29 @@
 """The built book as one PDF: each page printed by headless Chromium, joined with bookmarks.
 
 ``python -m thesis_lib.book.pdf`` prints ``_build/html`` to ``_build/book.pdf``.  Links between
-pages lead to pages of the PDF; a film is its still and a chart its picture.
+pages lead to their places in the PDF; a film is its still and a chart its picture.
 """
 
 from __future__ import annotations
 
 import io
+import posixpath
 import re
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
+from urllib.parse import unquote
 
 from thesis_lib.book.paths import Paths
 from thesis_lib.files import replacing
 
+Place: TypeAlias = tuple[int, float | None]
+"""A sheet, and how high on it in points; None for the whole of it."""
+
 READY = """async () => {
-  const folded = 'details.sd-dropdown, table.ledger details, table.cards details';
+  const folded = 'details.sd-dropdown, table details';
   document.querySelectorAll(folded).forEach((e) => { e.open = true; });
   document.querySelectorAll('img[loading=lazy]').forEach((e) => { e.loading = 'eager'; });
   const loaded = (e) => e.complete || new Promise((done) => { e.onload = e.onerror = done; });
@@ -27,6 +32,21 @@ READY = """async () => {
   await Promise.all([...document.fonts].map((font) => font.load().catch(() => {})));
 }"""
 """What to wait for before a page is printed."""
+
+
+TARGETS = """(names) => {
+  const targets = document.createElement('div');
+  targets.style.cssText = 'position: absolute; bottom: 0; left: 0; font-size: 1px';
+  for (const name of names.filter((n) => document.getElementById(n))) {
+    const link = document.createElement('a');
+    link.href = '#' + name;
+    link.textContent = '.';
+    link.style.cssText = 'color: transparent; text-decoration: none';
+    targets.append(link);
+  }
+  document.body.append(targets);
+}"""
+"""Chromium tells where a place of a page is printed if the page itself links to it."""
 
 
 def contents(toc: str) -> list[str]:
@@ -66,7 +86,8 @@ def make_pdf(html: Path, names: Sequence[str], target: Path) -> int:
         )
     if (found := chromium()) is None:
         raise FileNotFoundError("there is no chromium: install it (Debian: apt install chromium).")
-    writer, first = PdfWriter(), dict[str, int]()
+    writer, places = PdfWriter(), dict[str, dict[str, Place]]()
+    root, wanted = html.resolve().as_uri(), linked(html, names)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
         page = browser.new_page(color_scheme="light", reduced_motion="reduce")
@@ -75,35 +96,77 @@ def make_pdf(html: Path, names: Sequence[str], target: Path) -> int:
             page.goto((html / f"{name}.html").resolve().as_uri(), wait_until="load")
             page.wait_for_load_state("networkidle")
             page.evaluate(READY)
+            page.evaluate(TARGETS, sorted(wanted[name]))
             margin: PdfMargins = {"top": "15mm", "bottom": "15mm", "left": "15mm", "right": "15mm"}
             sheets = PdfReader(io.BytesIO(page.pdf(format="A4", scale=0.8, margin=margin)))
-            first[name] = len(writer.pages)
+            _by_address(sheets, f"{root}/{name}.html")
+            start = len(writer.pages)
+            places[name] = {"": (start, None)}
+            for place, at in sheets.named_destinations.items():
+                number = start + (sheets.get_destination_page_number(at) or 0)
+                places[name][place.removeprefix("/")] = number, float(at.top or 0)
             writer.append(sheets, outline_item=page.title().partition(" — ")[0])
         browser.close()
-    _link(writer, html.resolve().as_uri(), first)
+    _link(writer, root, places)
     writer.compress_identical_objects()
     with replacing(target) as temporary, temporary.open("wb") as file:
         writer.write(file)
     return len(writer.pages)
 
 
-def _link(writer: Any, root: str, first: dict[str, int]) -> None:
-    """Turn links to files of the book into links to its sheets."""
-    from pypdf.generic import ArrayObject, DictionaryObject, NameObject
+def linked(html: Path, names: Sequence[str]) -> dict[str, set[str]]:
+    """The places of each page that other pages link to, by their ids."""
+    wanted: dict[str, set[str]] = {name: set() for name in names}
+    for name in names:
+        text = (html / f"{name}.html").read_text(encoding="utf-8")
+        for file, place in re.findall(r'href="([^"#:]+)\.html#([^"]+)"', text):
+            other = posixpath.normpath(posixpath.join(posixpath.dirname(name), file))
+            wanted.get(other, set()).add(unquote(place))
+    return wanted
+
+
+def _by_address(sheets: Any, address: str) -> None:
+    """Turn links within a page into links by its address: pages share names, such as ``id1``."""
+    from pypdf.generic import DictionaryObject, NameObject, TextStringObject
+
+    for sheet in sheets.pages:
+        for reference in sheet.get("/Annots", ()):
+            link = reference.get_object()
+            if isinstance(link.get("/Dest"), str):
+                place = str(link.pop("/Dest")).removeprefix("/")
+                link[NameObject("/A")] = DictionaryObject(
+                    {
+                        NameObject("/S"): NameObject("/URI"),
+                        NameObject("/URI"): TextStringObject(f"{address}#{place}"),
+                    }
+                )
+
+
+def _link(writer: Any, root: str, places: Mapping[str, Mapping[str, Place]]) -> None:
+    """Turn links to files of the book into links to its sheets, at the place they name."""
+    from pypdf.generic import ArrayObject, DictionaryObject, FloatObject, NameObject, NullObject
 
     for sheet in writer.pages:
         for reference in sheet.get("/Annots", ()):
             action = reference.get_object().get("/A", {})
             address = str(action.get("/URI", ""))
-            name = address.removeprefix(f"{root}/").partition("#")[0].removesuffix(".html")
-            if address.startswith(root) and name in first:
-                place = writer.pages[first[name]].indirect_reference
-                reference.get_object()[NameObject("/A")] = DictionaryObject(
-                    {
-                        NameObject("/S"): NameObject("/GoTo"),
-                        NameObject("/D"): ArrayObject([place, NameObject("/Fit")]),
-                    }
-                )
+            name, _, place = address.removeprefix(f"{root}/").partition("#")
+            name = name.removesuffix(".html")
+            if not address.startswith(root) or name not in places:
+                continue
+            number, top = places[name].get(unquote(place), places[name][""])
+            at = writer.pages[number].indirect_reference
+            where = (
+                [NameObject("/Fit")]
+                if top is None
+                else [NameObject("/XYZ"), NullObject(), FloatObject(top), NullObject()]
+            )
+            reference.get_object()[NameObject("/A")] = DictionaryObject(
+                {
+                    NameObject("/S"): NameObject("/GoTo"),
+                    NameObject("/D"): ArrayObject([at, *where]),
+                }
+            )
 
 
 if __name__ == "__main__":
