@@ -210,10 +210,8 @@ def table(
 
 def _folded(evidence: str) -> str:
     """Evidence of which all but its first numbers unfolds; the Scoreboard has what is cut here."""
-    head, rest = parted(brief(evidence), 4, sentences=True)
-    return (
-        f"<details><summary>{head}</summary>{rest}</details>" if len(rest) > 40 else brief(evidence)
-    )
+    head, rest = parted(short := brief(evidence), 4, sentences=True)
+    return f"<details><summary>{head}</summary>{rest}</details>" if len(rest) > 40 else short
 
 
 def _pipe(cells: Iterable[str]) -> str:
