@@ -47,6 +47,18 @@ def test_ordered_corrects_for_many_comparisons():
     assert ordered([pair(1.3, 1), pair(1.3, 1)]).verdict is Verdict.DIRECTION
 
 
+def test_every_pair_keeps_its_number():
+    def of(second, where="", by=1.0):
+        own = pair(by, 0)
+        return Pair(own.first, own.second, ("one", second), where)
+
+    same_place = ordered([of("two", "here"), of("three", "here", 2.0)])
+    assert same_place.numbers == {"here: one over two": 1.0, "here: one over three": 2.0}
+    no_place = ordered([of("two"), of("three", by=2.0)])
+    assert no_place.numbers == {"one over two": 1.0, "one over three": 2.0}
+    assert ordered([of("two", "here"), of("two", "there")]).numbers.keys() == {"here", "there"}
+
+
 def test_equivalent():
     assert equivalent([pair(10, 10)], 0.1).verdict is Verdict.REPRODUCED
     assert equivalent([pair(12, 10)], 0.1).verdict is Verdict.REFUTED
@@ -62,7 +74,7 @@ def test_evidence_counts_as_a_person_would():
     three = no_greater([pair(9, 10)] * 2 + [pair(12, 10)], 0.1).evidence
     assert three.startswith("Of 3 comparisons 2 are shown to be greater by at most 10%")
     assert "and 1 is significantly greater" in three
-    assert "in all 2." in share_at_least({"a": True, "b": True}, 0.5, "Held").evidence
+    assert "in both." in share_at_least({"a": True, "b": True}, 0.5, "Held").evidence
     assert "in none of 2." in share_at_least({"a": False, "b": False}, 0.5, "Held").evidence
 
 

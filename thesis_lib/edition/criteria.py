@@ -146,8 +146,16 @@ def ordered(pairs: Sequence[Pair], unit: str = "") -> Finding:
     return Finding(
         verdict,
         f"{lead} (Welch, Holm; {_runs(pairs)}{_in(unit)}): {told}.",
-        {str(p.where or p.names): t.difference for p, t in zip(pairs, tests, strict=True)},
+        {key: t.difference for key, t in zip(_keys(pairs), tests, strict=True)},
     )
+
+
+def _keys(pairs: Sequence[Pair]) -> list[str]:
+    """Where each pair is, with what it compares unless the places tell all of them apart."""
+    places = [p.where for p in pairs]
+    if len(set(filter(None, places))) == len(pairs):
+        return places
+    return [": ".join(filter(None, (p.where, " over ".join(p.names)))) for p in pairs]
 
 
 def equivalent(
@@ -175,12 +183,8 @@ def equivalent(
     p_differ = np.array([welch(p.first, p.second).p_value for p in pairs])
     differ = int((holm(p_differ) < LEVEL).sum())
     powers = [_power(p, b) for p, b in zip(pairs, bounds, strict=True)]
-    if equal == len(pairs):
-        verdict = Verdict.REPRODUCED
-    elif differ and refutable:
-        verdict = Verdict.REFUTED
-    else:
-        verdict = Verdict.INCONCLUSIVE
+    denied = differ and refutable
+    verdict = graded(equal == len(pairs), denied=denied, otherwise=Verdict.INCONCLUSIVE)
     lead, shown = _clearest(pairs, [1 - p for p in p_differ])
     return Finding(
         verdict,
@@ -221,7 +225,8 @@ def differ_but_one(pairs: Sequence[Pair], alike: Pair, margin: float = 0.05) -> 
         verdict = Verdict.REPRODUCED
     return Finding(
         verdict,
-        f"Of the {len(pairs)} pairs said to differ {apart} do significantly (Welch, Holm; "
+        f"Of the {len(pairs)} pairs said to differ {apart or 'none'} "
+        f"{'do' if apart > 1 else 'does'} significantly (Welch, Holm; "
         f"{_runs(pairs)}) and {_are(wrong)} equivalent within "
         f"{margin:.0%}. The pair said to be alike: {alike}, "
         f"{'equivalent' if close[-1] else 'not shown to be equivalent'}.",
@@ -270,9 +275,10 @@ def no_greater(
     verdict = Verdict.REPRODUCED if bounded == len(pairs) else Verdict.INCONCLUSIVE
     if greater:
         verdict = Verdict.REFUTED
+    bound = f"greater by at most {margin:.0%}" if margin else "no greater"
     return Finding(
         verdict,
-        f"{_of(bounded, len(pairs))} shown to be greater by at most {margin:.0%} (one-sided "
+        f"{_of(bounded, len(pairs))} shown to be {bound} (one-sided "
         f"Welch) and {_also(greater, len(pairs))} significantly greater "
         f"{'by more than that ' if tolerant else ''}(Welch, corrected for their number; "
         f"{_runs(pairs)}{_in(unit)}); {lead}{'; '.join(map(str, shown))}.",
@@ -302,14 +308,10 @@ def positive(contrasts: Mapping[str, tuple[float, float]], what: str) -> Finding
     estimate, error = np.array(list(contrasts.values())).T
     p = holm(2 * distributions.norm.sf(np.abs(estimate) / np.maximum(error, 1e-300)))
     sure = p < LEVEL
-    if (sure & (estimate < 0)).any():
-        verdict = Verdict.REFUTED
-    elif (estimate > 0).all():
-        verdict = Verdict.REPRODUCED if sure.all() else Verdict.DIRECTION
-    else:
-        verdict = Verdict.NOT_REPRODUCED
+    above, below = (estimate > 0).all(), (sure & (estimate < 0)).any()
+    verdict = graded(above and sure.all(), direction=above, denied=below)
     parts = [
-        f"{where} {plus_minus(e, 1.96 * se) if se else number(e)} ({probability(q)})"
+        f"{where}: {plus_minus(e, 1.96 * se) if se else number(e)} ({probability(q)})"
         for (where, (e, se)), q in zip(contrasts.items(), p, strict=True)
     ]
     if len(parts) > 6:
@@ -410,9 +412,8 @@ def share_at_least(
     enough = len(where) >= share * len(held)
     some = Verdict.DIRECTION if direction and where else Verdict.NOT_REPRODUCED
     named = f" ({'; '.join(where)})" if 0 < len(where) < len(held) else ""
-    in_so_many = f"{len(where) or 'none'} of {len(held)}"
-    if len(where) == len(held):
-        in_so_many = f"all {len(held)}"
+    every = "both" if len(held) == 2 else f"all {len(held)}"
+    in_so_many = every if len(where) == len(held) else f"{len(where) or 'none'} of {len(held)}"
     return Finding(
         Verdict.REPRODUCED if enough else some,
         f"{what} in {in_so_many}{named}.",
