@@ -296,12 +296,22 @@ def searches_alike(table: Table, rng: np.random.Generator) -> Table:
 
 
 def solutions(best: float = 1.0) -> dict[str, Table]:
-    row = {"discount": 0.9, "reward_per_step": 0.0, "best_reward_per_step": best}
-    return {"ch3-sarsa-solution": pd.DataFrame([row | {"reaches_goal": False}] * 8)}
+    row = {"discount": 0.9, "reward_per_step": 0.0, "best_reward_per_step": best, "moved": 0.01}
+    row |= {"reaches_goal": False, "reached_before": False}
+    return {"ch3-sarsa-solution": pd.DataFrame([row] * 8)}
 
 
 def reach(table: Table, rng: np.random.Generator) -> Table:
     return table.assign(reaches_goal=True)
+
+
+def reached_once(table: Table, rng: np.random.Generator) -> Table:
+    return table.assign(reached_before=True)
+
+
+def on_their_way(table: Table, rng: np.random.Generator) -> Table:
+    """Values of one task still move."""
+    return table.assign(moved=[0.01] * 7 + [0.2])
 
 
 ALIKE = {"none": -100.0, "Q_star": -100.0, "Q_tilde": -100.0}
@@ -319,7 +329,9 @@ CASES = {
     "3.3.5-ga-missed-mu-star": Case(searches(), (searches_alike,), (searches(uniform=-1500.0),)),
     "3.3.5-mu-star-is-poor": Case(searches(), (searches_alike,), (searches(uniform=-1500.0),)),
     "3.3.5-tour-as-potential": Case(rooms()),
-    "3.4.2-sarsa-is-wrong": Case(solutions(), (reach,), (solutions(best=0.0),)),
+    "3.4.2-sarsa-is-wrong": Case(
+        solutions(), (reach, reached_once, on_their_way), (solutions(best=0.0),)
+    ),
     "3.4.2-sarsa-no-better": Case(figure_3_1(), (few,), (figure_3_1(q_learning=50.0),)),
     "3.4.2-unshaped-sarsa-best": Case(figure_3_1(), (noise, few), (figure_3_1(low=2.0),)),
     "3.4.2-shaped-overtakes": Case(figure_3_1(), fails=(figure_3_1(high=2.0),)),

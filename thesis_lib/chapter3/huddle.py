@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.domains import Domain, continuing_cliff
-from thesis_lib.edition.criteria import exact, within
+from thesis_lib.edition.criteria import EXACT, exact, within
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, criterion
 from thesis_lib.edition.plots import PRINTED
@@ -187,8 +187,10 @@ def huddle_threshold(table: pd.DataFrame) -> Finding:
     by = table.groupby("discount").threshold
     values = {f"gamma {gamma:g}": float(t) for gamma, t in by.mean().items()}
     spread = float((by.max() - by.min()).max())
-    what = f"Exact thresholds, mean over tasks that differ by at most {number(spread, spread)}"
-    return within(values, 0.035, 0.065, what)
+    apart = "the same in all tasks"
+    if spread > EXACT:
+        apart = f"mean over tasks that differ by at most {number(spread, spread)}"
+    return within(values, 0.035, 0.065, f"Exact thresholds, {apart}")
 
 
 def figure(table: pd.DataFrame) -> Figure:

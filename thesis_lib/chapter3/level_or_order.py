@@ -34,7 +34,7 @@ from thesis_lib.edition.criteria import LEVEL, summary
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import band
-from thesis_lib.edition.words import number
+from thesis_lib.edition.words import number, plus_minus, span
 from thesis_lib.stats import holm, mean_ci, welch
 
 DOMAINS = {
@@ -226,10 +226,10 @@ def reversal_is_level(table: pd.DataFrame) -> Finding:
         verdict = Verdict.REPRODUCED
     return Finding(
         verdict,
-        f"At their own levels Q^mu earns {lead.difference:+.1f} [{lead.low:.1f}, {lead.high:.1f}] "
-        f"beside Q*. Moved to {len(levels)} common levels it earns significantly more at "
-        f"{len(ahead)} and less at {len(behind)} (Welch, Holm), and {mean:+.1f} ± {half:.1f} more "
-        "in the mean over them.",
+        f"At their own levels Q^mu earns {span(lead.low, lead.high)} more than Q* (95% interval). "
+        f"Moved to {len(levels)} common levels it earns significantly more at "
+        f"{len(ahead) or 'none'} and less at {len(behind) or 'none'} (Welch, Holm), and "
+        f"{plus_minus(mean, half)} more in the mean over them.",
         {"own": lead.difference, "common": mean, "ahead": len(ahead), "behind": len(behind)},
     )
 

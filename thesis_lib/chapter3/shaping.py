@@ -104,7 +104,7 @@ def sensor_parts_tasks() -> Finding:
         f"Without the sensor the domain has {total[0]} pairs, of which two tasks share {without} "
         f"in the mean; with it {total[1]}, of which they share {own}. Fewer with it are shared by "
         f"{(shared[1] < shared[0]).sum()} of the {len(shared[0])} pairs of tasks, more by "
-        f"{(shared[1] > shared[0]).sum()}.",
+        f"{(shared[1] > shared[0]).sum() or 'none'}.",
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -148,13 +148,11 @@ def stationary_is_best_for_q_mu(table: pd.DataFrame) -> Finding:
         p.append(max(t.p_value if t.difference > 0 else 1.0 for t in tests))
     sure = int((holm(p) < LEVEL).sum())
     most = (len(top) // 2 + 1) / len(top)
-    what = (
-        f"The stationary weights give Q^μ its highest mean return, {sure} times significantly "
-        "above every other (Welch, Holm),"
-    )
-    found = share_at_least(top, most, what)
+    found = share_at_least(top, most, "The stationary weights give Q^μ its highest mean return")
+    also = f"; significantly above every other (Welch, Holm) in {sure or 'none'} of them."
+    found = replace(found, evidence=found.evidence.removesuffix(".") + also)
     if found.verdict is Verdict.REPRODUCED and not sure:
-        return Finding(Verdict.DIRECTION, found.evidence, found.numbers)
+        return replace(found, verdict=Verdict.DIRECTION)
     return found
 
 
