@@ -7,8 +7,9 @@
 A mutant is one change of one line: a sign, gamma, epsilon, a weight, a level, a sensor, an
 integrator, a mask.  It is made in a copy of the package, never in the checkout.  There a test of
 the suite must fail, and a claim that is reproduced on root 1 by the library as it is must no
-longer be; or the mutant says why no claim depends on it.  The command ends with 1 if a mutant
-survives a test, or moves nothing without a reason.
+longer be; or the mutant says why no claim depends on it.  Evidence that stops with an error is
+noticed too, but is no verdict, and counted apart.  The command ends with 1 if a mutant survives a
+test, or is noticed by no claim without a reason.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from thesis_lib.book.mutants import code_of_mutant
 from thesis_lib.checkout import environment, repository_root
 from thesis_lib.edition import chapters, roots
 from thesis_lib.edition.experiment import read_csv
@@ -318,7 +320,9 @@ def as_it_is(chapter: str, ids: tuple[str, ...], budget: str) -> dict[str, str]:
 def drill(mutant: Mutant) -> dict[str, object]:
     """What a mutant does to its test and to its claims."""
     file, which = mutant.test
-    moved, told = [], []
+    moved, stopped, told = [], [], []
+    # Before anything runs: what is changed meanwhile is not what was drilled.
+    code = code_of_mutant(mutant.file, file, mutant.claims[1:], mutant.budget)
     with copy(mutant) as folder:
         tested = python(
             folder, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", file, "-k", which
@@ -330,15 +334,20 @@ def drill(mutant: Mutant) -> dict[str, object]:
             now = verdicts(folder, chapter, tuple(ids), mutant.budget)
             was = as_it_is(chapter, tuple(ids), mutant.budget)
             told = [f"{i}: {was[i]} -> {now[i]}" for i in ids]
-            moved = [i for i in ids if was[i] == "reproduced" != now[i]]
+            lost = [i for i in ids if was[i] == "reproduced" != now[i]]
+            stopped = [i for i in lost if now[i].startswith("error")]
+            moved = [i for i in lost if i not in stopped]
     return {
         "mutant": mutant.name,
         "file": mutant.file,
         "test": f"{file} -k {which!r}",
         "caught": tested.returncode == 1,
         "moved": len(moved),
+        "stopped": len(stopped),
         "verdicts": "; ".join(told),
-        "reason": "" if moved else mutant.reason,
+        "reason": "" if moved or stopped else mutant.reason,
+        "budget": mutant.budget,
+        "code": code,
         "commit": environment()["commit"],
     }
 
@@ -348,9 +357,12 @@ COLUMNS = {
     "file": "below thesis_lib",
     "test": "what must fail, as pytest is told",
     "caught": "whether it did",
-    "moved": "number of claims that were reproduced and no longer are",
+    "moved": "number of claims that were reproduced and have another verdict now",
+    "stopped": "number of claims that were reproduced and whose evidence stops with an error now",
     "verdicts": "verdict on root 1 of the library as it is and of the mutant",
     "reason": "why no verdict moves, where none does",
+    "budget": "of the evidence of its claims",
+    "code": "digest of the module changed, the test and the claims; empty where not recorded",
     "commit": "of the library, with + where it had changes",
 }
 
@@ -379,7 +391,7 @@ def main() -> int:
     good = True
     for name in asked.names or known:
         row = drill(known[name])
-        good &= bool(row["caught"] and (row["moved"] or row["reason"]))
+        good &= bool(row["caught"] and (row["moved"] or row["stopped"] or row["reason"]))
         print(f"{name}: {'caught' if row['caught'] else 'SURVIVES'}; {row['verdicts']}"
               f"{row['reason'] and ' (' + str(row['reason']) + ')'}", flush=True)  # fmt: skip
         if asked.out:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from thesis_lib.book.mutants import code_of_mutant
 from thesis_lib.edition.chapters import chapter
 from thesis_lib.edition.saved import saved
 
@@ -35,4 +36,19 @@ def test_every_mutant_of_the_committed_table_is_noticed() -> None:
     for row in table.itertuples():
         mutant = known[row.mutant]
         assert row.file == mutant.file
-        assert row.moved > 0 or (row.reason == mutant.reason != "")
+        assert row.moved + row.stopped > 0 or (row.reason == mutant.reason != "")
+        errors = str(row.verdicts).count("-> error")
+        assert row.stopped == errors, "what stops with an error has moved no verdict"
+        assert row.moved <= len(mutant.claims[1:]) - errors
+
+
+def test_a_digest_ties_a_row_to_its_module_its_test_and_its_claims() -> None:
+    one = ("mdp/greedy.py", "tests/mdp/test_greedy.py -k 'all_actions'", (), "book")
+    code = code_of_mutant(*one)
+    assert code == code_of_mutant(*one[:1], "tests/mdp/test_greedy.py", *one[2:])
+    for other in (
+        ("mdp/evaluation.py", *one[1:]),
+        (one[0], "tests/mdp/test_evaluation.py", *one[2:]),
+        (*one[:2], ("A.1-values",), one[3]),
+    ):
+        assert code_of_mutant(*other) != code

@@ -9,10 +9,10 @@ import pandas as pd
 
 from thesis_lib.book.environments import environments_markdown
 from thesis_lib.book.execution import Run
+from thesis_lib.book.mutants import code_of_mutant, mutants_markdown
 from thesis_lib.book.pages import (
     deepest_markdown,
     drills_markdown,
-    mutants_markdown,
     status_markdown,
 )
 from thesis_lib.edition.chapters import find
@@ -61,10 +61,11 @@ def test_a_committed_table_says_whether_its_code_is_as_it_was() -> None:
     code = code_of_table(experiment, experiment.config("thesis"))
     made = {"cpu_seconds": 61.1, "started": "2026-11-23T04:40:41Z", "commit": "e2bed4eb2d75"}
     record = {"id": "figure-4.4"} | made
-    text = deepest_markdown([record | {"code": code}, record | {"code": "other"}, record])
+    of_old = record | {"code": "other"}
+    text = deepest_markdown([record | {"code": code}, of_old, record])
     rows = [row for row in text.splitlines() if row.startswith("| Figure 4.4 |")]
     assert rows[0] == ("| Figure 4.4 | 1:01 min | [2026-11-23]{.day} | e2bed4eb | as it was |")
-    assert [row.split(" | ")[-1] for row in rows[1:]] == ["changed |", "changed |"]
+    assert [row.split(" | ")[-1] for row in rows[1:]] == ["changed |", "not recorded |"]
 
 
 def test_drills_have_a_row_each() -> None:
@@ -74,14 +75,24 @@ def test_drills_have_a_row_each() -> None:
 
 
 def test_mutants_tell_what_noticed_them_or_why_no_claim_does() -> None:
-    row = {"mutant": "a", "file": "b.py", "caught": True, "commit": "0123456789ab"}
+    row = {"mutant": "a", "file": "b.py", "caught": True, "commit": "0123456789ab", "code": None}
     moved = row | {"verdicts": "3.1-x: reproduced -> refuted", "reason": float("nan")}
     text = mutants_markdown(pd.DataFrame([moved, row | {"verdicts": None, "reason": "ties"}]))
-    assert "| a | `b.py` | yes | 3.1-x: reproduced → refuted | 01234567 |" in text
-    assert "| a | `b.py` | yes |  (none: ties) | 01234567 |" in text
+    assert "| a | `b.py` | yes | 3.1-x: reproduced → refuted | 01234567 | not recorded |" in text
+    assert "| a | `b.py` | yes |  (none: ties) | 01234567 | not recorded |" in text
     stopped = row | {"verdicts": "x: reproduced -> error: a (b) that is cu; y: z", "reason": None}
     text = mutants_markdown(pd.DataFrame([stopped]))
-    assert "| yes | x: reproduced → stopped by an error; y: z | 01234567 |" in text
+    assert "| yes | x: reproduced → stops with an error; y: z | 01234567 |" in text
+
+
+def test_mutants_say_whether_they_were_made_by_other_code() -> None:
+    asked = ("mdp/greedy.py", "tests/mdp/test_greedy.py", ["A.1-values"], "book")
+    row = {"mutant": "a", "caught": True, "commit": "unknown", "reason": None}
+    row |= {"file": asked[0], "test": f"{asked[1]} -k 'x'", "budget": asked[3]}
+    row |= {"verdicts": "A.1-values: reproduced -> error: a: b (c)"}
+    codes = (code_of_mutant(*asked), "other")
+    text = mutants_markdown(pd.DataFrame([row | {"code": code} for code in codes]))
+    assert re.findall(r"not recorded \| (.*) \|", text) == ["as it was", "changed"]
 
 
 def test_what_pages_include_has_a_stub_in_the_checkout() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -23,6 +22,7 @@ from thesis_lib.book.ledger import (
     scoreboard_markdown,
     squares_markdown,
 )
+from thesis_lib.book.mutants import mutants_markdown
 from thesis_lib.book.thesis_items import ITEMS, items_markdown, read_items
 from thesis_lib.edition import deepest
 from thesis_lib.edition.chapters import differences, find
@@ -131,8 +131,10 @@ def deepest_markdown(records: Sequence[Mapping[str, Any]]) -> str:
     ]
     for record in records:
         experiment = find(record["id"])
-        code = code_of_table(experiment, experiment.config("thesis"))
-        since = "as it was" if code == record.get("code") else "changed"
+        since = "not recorded"
+        if made_by := record.get("code"):
+            code = code_of_table(experiment, experiment.config("thesis"))
+            since = "as it was" if code == made_by else "changed"
         lines.append(
             f"| {experiment.item} | {_duration(record['cpu_seconds'])} "
             f"| [{record['started'][:10]}]{{.day}} | {_short_commit(record['commit'])} | {since} |"
@@ -161,37 +163,6 @@ def drills_markdown(drills: pd.DataFrame) -> str:
         ),
     ]
     return "\n".join([*lines, "::::", ""])
-
-
-def mutants_markdown(mutants: pd.DataFrame) -> str:
-    """The table of mutants on the page *Status*.
-
-    Parameters
-    ----------
-    mutants
-        What ``benchmarks/mutants.py`` wrote: mutant, file, caught, verdicts, reason, commit.
-    """
-    lines = [
-        "::::{table} Faults put into the library: a test must fail, and a verdict change",
-        ":name: tbl-status-mutants",
-        ":class: cards",
-        "",
-        "| mutant | of | a test fails | verdicts | commit |",
-        "| :-- | :-- | :-- | :-- | :-- |",
-        *(
-            f"| {m.mutant} | `{m.file}` | {'yes' if m.caught else 'no'} "
-            f"| {_moved(m.verdicts) if isinstance(m.verdicts, str) else ''}"
-            f"{f' (none: {m.reason})' if isinstance(m.reason, str) else ''} "
-            f"| {_short_commit(m.commit)} |"
-            for m in mutants.itertuples()
-        ),
-    ]
-    return "\n".join([*lines, "::::", ""])
-
-
-def _moved(verdicts: str) -> str:
-    """Which verdicts a mutant moves; a message of Python's would say nothing here."""
-    return re.sub(r"error: [^;]*", "stopped by an error", verdicts.replace("->", "→"))
 
 
 def _duration(seconds: float) -> str:
