@@ -15,6 +15,7 @@ from thesis_lib.edition.criteria import EXACT, exact
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, criterion
 from thesis_lib.edition.plots import COLOURS
+from thesis_lib.edition.words import number, several
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ def values(table: pd.DataFrame) -> Finding:
     return exact(
         (gap < EXACT).all(),
         f"Over {table.discount.nunique()} discounts the solved values differ from the formulas by "
-        f"at most {gap.max():.1g} of them.",
+        f"{f'at most {gap.max():.1g} of their size' if gap.any() else 'nothing'}.",
     )
 
 
@@ -98,11 +99,11 @@ def arbitrarily_better(table: pd.DataFrame) -> Finding:
     grows = bool((np.diff(ratio) > 0).all() and (ratio > 1).all())
     formula = (2 - ratio.index) / (2 - 2 * ratio.index)
     same = bool((abs(ratio / formula - 1) < EXACT).all())
-    parts = ", ".join(f"{r:.4g} at gamma {g:g}" for g, r in ratio.items())
+    parts = several(f"{number(r)} at gamma {g:g}" for g, r in ratio.items())
     return exact(
         coin and grows and same,
         f"The best policy found is {'' if coin else 'not '}the fair coin at every discount; the "
-        f"best deterministic policy costs this many times as much: {parts}.",
+        f"best deterministic policy costs {parts} times as much.",
     )
 
 

@@ -16,6 +16,7 @@ from thesis_lib.edition.criteria import EXACT, exact
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, criterion
 from thesis_lib.edition.plots import COLOURS, PRINTED
+from thesis_lib.edition.words import several
 from thesis_lib.potentials.cross_task_problem import CrossTaskProblem
 
 STATES = 4
@@ -112,7 +113,7 @@ def no_common_best(table: pd.DataFrame) -> Finding:
     """Whether some policy is best in all states."""
     p_b, value = curves(table)
     best = value >= value.max(axis=0) - EXACT
-    parts = ", ".join(f"{p_b[best[:, s]][0]:g} in state {s + 1}" for s in range(value.shape[1]))
+    parts = several(f"{p_b[best[:, s]][0]:g} in state {s + 1}" for s in range(value.shape[1]))
     return exact(not best.all(axis=1).any(), f"The best p(B) is {parts}.")
 
 

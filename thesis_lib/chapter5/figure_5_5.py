@@ -91,15 +91,15 @@ def _interval(draws: FloatArray, units: int) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _behind(table: pd.DataFrame, source: str, net: str) -> Evidence | None:
-    """Whether DFFWD leads a net."""
+def _behind(table: pd.DataFrame, source: str, net: str, name: str) -> Evidence | None:
+    """Whether DFFWD leads a net, which is called so."""
     rows = table[(table.source == source) & (table.architecture == net)]
     if rows.empty:
         return None
     row = rows.iloc[0]
     verdict = graded(row.behind_low > 0, row.behind > 0, denied=row.behind_high < 0)
     sentence = (
-        f"DFFWD less {net} {row.behind:+.3f} [{row.behind_low:.3f}, {row.behind_high:.3f}], "
+        f"DFFWD less {name} {row.behind:+.3f} [{row.behind_low:.3f}, {row.behind_high:.3f}], "
         f"{f'mean of {row.robots} robots' if row.robots > 1 else 'on one robot'}."
     )
     return Evidence(verdict, sentence, int(row.units), int(row.robots), bool(row.printed_budget))
@@ -108,13 +108,13 @@ def _behind(table: pd.DataFrame, source: str, net: str) -> Evidence | None:
 @both("5.5.2-depth", depth)
 def deep_over_wide(source: str, table: pd.DataFrame) -> Evidence | None:
     """DFFWD against a single layer of 400 units."""
-    return _behind(table, source, "FFWD-400")
+    return _behind(table, source, "FFWD-400", "one layer of 400 units")
 
 
 @both("5.5.2-tanh", depth)
 def tanh_over_softplus(source: str, table: pd.DataFrame) -> Evidence | None:
     """DFFWD against the same net with softplus."""
-    return _behind(table, source, "DFFWD-SOFTPLUS")
+    return _behind(table, source, "DFFWD-SOFTPLUS", "the same net with softplus")
 
 
 def draw(table: pd.DataFrame) -> Figure:

@@ -155,7 +155,7 @@ def low_pass(table: pd.DataFrame, stage: str) -> Finding:
     best = mean[~ours].idxmin()
     evidence = (
         f"Gain above {FAST:g} Hz over that below {SLOW:g} Hz, {stage}: "
-        + ", ".join(f"{net} {mean[net]:.3f}" for net in mean.index[ours])
+        + " and ".join(f"{mean[net]:.3f} ({net})" for net in mean.index[ours])
         + f"; the next is {best} with {mean[best]:.2f}. At {GAIT:g} Hz, taken for a gait, "
         + " and ".join(f"{kept[net]:.2f}" for net in mean.index[ours])
         + f" of the slow gain is left ({best}: {kept[best]:.2f})."

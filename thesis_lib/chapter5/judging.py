@@ -90,7 +90,8 @@ def weigh(printed: Evidence | None, ours: Evidence | None) -> Finding:
     if printed is None:
         theirs = "The thesis prints no numbers."
     else:
-        theirs = f"The printed tables {_WORDS[printed.verdict]}: {printed.sentence}"
+        tell = {**_WORDS, Verdict.INCONCLUSIVE: "do not tell"}[printed.verdict]
+        theirs = f"The printed tables {tell}: {printed.sentence}"
     if ours is None:
         mine = "Ours have not all been run yet."
     else:

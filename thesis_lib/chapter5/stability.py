@@ -115,7 +115,7 @@ def short_time_constants(table: pd.DataFrame) -> Finding:
     )
     evidence = (
         "Share of untrained networks with a mode about rest that should decay and grows, by time "
-        f"constant over step. {parts}. The leak by itself grows at {leak['euler']:g} of a step by "
+        f"constant over step, {parts}. The leak by itself grows at {leak['euler']:g} of a step by "
         f"Euler's method and at {leak['heun']:g} by Heun's, and at nothing longer that was tried."
     )
     if (below > 0.5).all(axis=None) and (above < 0.5).all(axis=None):

@@ -172,7 +172,7 @@ def _above_zero(table: pd.DataFrame, source: str, name: str, what: str) -> Evide
 def transfers(source: str, table: pd.DataFrame) -> Evidence | None:
     """Rise of the share kept under noise, RNNs less FNNs, and RNNs' own."""
     more = _above_zero(table, source, "noise", "the share kept rises more for RNNs by")
-    return together([more, _above_zero(table, source, "noise, RNNs", "their own rises by")])
+    return together([more, _above_zero(table, source, "noise, RNNs", "that of RNNs rises by")])
 
 
 @both("6.1-incentive", effects)

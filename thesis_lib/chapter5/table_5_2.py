@@ -218,7 +218,7 @@ def fnn_stable(source: str, table: pd.DataFrame) -> Evidence | None:
     p = float(binomtest(int(less.sum()), len(less)).pvalue)
     most = 2 * less.sum() > len(less)
     sentence = (
-        f"their relative standard error is lower on {less.sum()} of {len(less)} rows (sign test "
+        f"FNNs' relative standard error is lower on {less.sum()} of {len(less)} rows (sign test "
         f"p = {p:.2g})."
     )
     return evidence(rows, table, source, graded(most and p < ALPHA, most), sentence)

@@ -7,6 +7,7 @@ together here.  Chapters are imported when asked for, so that a notebook depends
 from __future__ import annotations
 
 import difflib
+import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -118,6 +119,8 @@ def _claim(row: dict[str, Any], criteria: dict[str, Criterion]) -> Claim:
         def illustrated(tables: Tables) -> Finding:
             """Not testable; what a criterion finds besides is an illustration."""
             shown = f" {own.of(tables).evidence}" if own else ""
+            if reason.endswith(":"):  # the sentence goes on, unless it begins with a symbol
+                shown = re.sub(r"^ [A-Z](?=[a-z]* )", lambda first: first[0].lower(), shown)
             return Finding(Verdict.NOT_TESTABLE, f"{reason}{shown}")
 
         needs = own.needs if own else ()
