@@ -78,13 +78,13 @@ def statements(failing: str = "", error: float = 1e-15) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def timings(power: float) -> pd.DataFrame:
-    """Algorithm 8's time a feature grows with this power of what varies."""
+def timings(power: float, noise: float = 0.0) -> pd.DataFrame:
+    """Algorithm 8's time a feature grows with this power of what varies, times 1 ± noise."""
     rows = [
         {"method": "algorithm 8", "varied": varied, "features": 2, varied: size,
-         "cpu_seconds": 2.0 * size**power}
+         "cpu_seconds": 2.0 * size**power * (1 + sign * noise)}
         for varied in ("pairs", "max_seqs")
-        for size in (2**12, 2**14)
+        for size, sign in ((2**12, 1), (2**13, -1), (2**14, -1), (2**16, 1))
     ]  # fmt: skip
     return pd.DataFrame(rows).fillna({"pairs": 2**12})
 
@@ -385,7 +385,11 @@ CASES = {
         (of(n_tasks=2, k=3, counted=0.5, same=True), YES),
         (of(n_tasks=2, k=3, counted=0.5, same=False), WRONG),
     ],
-    "4.2-complexity": [(timings(1.0), YES), (timings(2.0), NO)],
+    "4.2-complexity": [
+        (timings(1.0), YES), (timings(2.0), WRONG), (timings(1.0, 0.9), UNSURE),
+        # Constant time, with and without noise, and what may be more than linear.
+        (timings(0.0), NO), (timings(0.0, 0.1), NO), (timings(1.2, 0.2), UNSURE),
+    ],
     "4-triangle-features": [
         (relevances(), YES), (relevances(t_x2=(0, 1)), NEARLY), (relevances(t_x1=(1, 1)), NO),
     ],
@@ -443,11 +447,16 @@ CASES = {
         (cliffs(), UNSURE),  # a margin of 5% is .1 here, of means that are ± .47
     ],
     "4.3-cliff-tilde-gains": [(cliffs(), YES), (cliffs(tilde=cliff(gain=0.5)), NO)],
-    "4.3-cliff-long-run": [(cliffs(), YES), (cliffs(tilde=cliff()), NO)],
+    "4.3-cliff-long-run": [
+        (cliffs(), YES), (cliffs(tilde=cliff()), NO),
+        (cliffs(tilde=cliff((-5.0, -4.0, -3.0, -40.0))), WRONG),
+        (cliffs(tilde=cliff((-5.0, -4.0, -3.0, -29.99))), NEARLY),
+    ],
     "4.3-cliff-few": [
         (cliffs(tilde=cliff((-90.0, -90.0, -3.0, -2.0))), YES),
         (cliffs(tilde=cliff()), NO),
         (cliffs(), WRONG),
+        (cliffs(tilde=cliff((-90.0, -20.01, -3.0, -2.0))), NEARLY),
     ],
     "4.3-cliff-random": [(cliffs(), YES), (cliffs(tilde=cliff(random=0.1)), NO)],
     "4.3-stock-outperforms": [
@@ -545,6 +554,12 @@ def few(table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
     return noise(table.assign(**{c: table[c] * by for c, by in wider.items() if c in table}), rng)
 
 
+def rates_at_random(table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+    """Every method keeps as many features as it happens to, relevant or not."""
+    rates = [rate for rate in ("fpr", "tpr") if rate in table]
+    return table.assign(**{rate: rng.random(len(table)) for rate in rates})
+
+
 RATES = {
     *("4.3-triangle-ibkr", "4.3-triangle-roc", "4.3-cliff-removes", "4.3-stock-roc"),
     "4.3.1-ibkr-filters",
@@ -582,6 +597,17 @@ def test_it_does_not_hold_on_noise(claim, null):
     passed = sum(
         BY_ID[claim].judge({e: null(t, rng) for e, t in by_experiment(claim).items()}).verdict
         is YES
+        for _ in range(40)
+    )
+    assert passed <= 4
+
+
+@pytest.mark.parametrize("claim", sorted(RATES))
+def test_rates_at_random_do_not_pass(claim):
+    rng = np.random.default_rng(0)
+    tables = by_experiment(claim)
+    passed = sum(
+        BY_ID[claim].judge({e: rates_at_random(t, rng) for e, t in tables.items()}).verdict is YES
         for _ in range(40)
     )
     assert passed <= 4

@@ -124,7 +124,7 @@ def two_forms_agree(table: pd.DataFrame) -> Finding:
     worst = float(own.largest_error.max())
     return judged(
         worst < 1e-12,
-        f"Over {own.n_domains.sum()} random domains they differ by at most {worst:.1g}.",
+        f"Over {own.n_domains.sum()} random domains the two forms differ by at most {worst:.1g}.",
         {"error": worst},
     )
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-from scipy.stats import norm
 
 from thesis_lib.chapter4 import figure_4_3, figure_4_4, figure_4_6
-from thesis_lib.chapter4.protocol import FEW, gains
-from thesis_lib.edition.criteria import LEVEL, judged, positive
+from thesis_lib.chapter4.protocol import FEW, gains, wider
+from thesis_lib.edition.criteria import judged, positive
 from thesis_lib.edition.ledger import Finding, criterion
 from thesis_lib.edition.words import several
 
@@ -48,9 +47,8 @@ def falls_to_the_last(by: pd.DataFrame, n: int) -> bool:
     is the wider for it.  Bonferroni over the numbers n was chosen from.
     """
     at, last = by.loc[n], by.iloc[-1]
-    wider = norm.isf(LEVEL / 2 / max(len(by) - 1, 1)) / norm.isf(LEVEL / 2)
-    half = np.hypot(at.fstek_minus_ci95, last.fstek_minus_ci95)
-    return bool(at.fstek_minus - last.fstek_minus > wider * half)
+    half = wider(len(by) - 1) * np.hypot(at.fstek_minus_ci95, last.fstek_minus_ci95)
+    return bool(at.fstek_minus - last.fstek_minus > half)
 
 
 @criterion("4.3.1-ibkr-filters", figure_4_3.by_method, figure_4_6.by_factors)

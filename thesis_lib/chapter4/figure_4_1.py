@@ -105,8 +105,8 @@ def gone_at_twelve(table: pd.DataFrame) -> Finding:
     share = float(curve[12] / curve[1])
     return judged(
         share <= 0.1,
-        f"At k = 12 it is {curve[12]:.3f}, {share:.1%} of what it is at k = 1; by the law, with a "
-        "limit of 0, 1/12.",
+        f"At k = 12 the forward relevance of the state number is {curve[12]:.3f}, {share:.1%} of "
+        "what it is at k = 1; by the law, with a limit of 0, that is a twelfth.",
         {"share": share},
         direction=share < 0.5,
     )

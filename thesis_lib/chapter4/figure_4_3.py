@@ -208,9 +208,9 @@ def place_in_roc_space(table: pd.DataFrame, by_reading: pd.DataFrame) -> Finding
     half = 1.96 * (five.fpr * (1 - five.fpr) / five.n_runs) ** 0.5
     return judged(
         abs(five.fpr - PRINTED[0]) <= 0.1 and five.tpr >= 0.95,
-        f"{five.fpr:.2f} ± {half:.2f}/{five.tpr:.2f} after five tasks with alpha = 1e-4 there, as "
-        f"the words have it; {formula:.2f} by the formula, whose level is .0601. After "
-        f"{most.tasks_seen} tasks the false positive rate is {most.fpr:.2f}.",
+        f"After five tasks FS-TEK's FPR/TPR is {five.fpr:.2f} ± {half:.2f}/{five.tpr:.2f} with a "
+        f"level of 1e-4 there, as the words have it; by the formula, whose level is .0601, the "
+        f"FPR is {formula:.2f}. After {most.tasks_seen} tasks it is {most.fpr:.2f}.",
         {"fpr": float(five.fpr), "tpr": float(five.tpr)},
         direction=five.tpr >= 0.9 and five.fpr + half < 1,
     )

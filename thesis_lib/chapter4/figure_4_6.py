@@ -102,13 +102,14 @@ def outperforms(table: pd.DataFrame) -> Finding:
     own = _rivals(table[table.global_factors < 4], *RIVALS, "constant")
     by = own.groupby("method")[["better", "worse"]].mean()
     listed = several(
-        f"{SYMBOLS[m]} better in {by.better[m]:.0%}, worse in {by.worse[m]:.0%}"
+        f"{by.better[m]:.0%} and {by.worse[m]:.0%} (against {SYMBOLS[m]})"
         for m in (*RIVALS, "constant")
     )
     better = by.better[list(RIVALS)]
     return judged(
         (better > 0.5).all(),
-        f"Against {listed} of the comparisons (G = 1 to 3, 4 tasks or more, paired 95% intervals).",
+        "Share of the comparisons in which FS-TEK is better and in which it is worse (G = 1 to 3, "
+        f"4 tasks or more, paired 95% intervals): {listed}.",
         dict(by.better),
         direction=(better[["ibkr", "none"]] > 0.3).all(),
     )

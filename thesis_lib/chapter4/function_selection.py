@@ -215,7 +215,7 @@ def other_approximators(table: pd.DataFrame) -> Finding:
     nets = own.xs("network", level="method")
     return judged(
         ((nets.fpr <= 0.15) & (nets.tpr >= 0.8)).all(),
-        f"FPR/TPR after {table.tasks_seen.max()} tasks. {listed}.",
+        f"FPR/TPR after {table.tasks_seen.max()} tasks, {listed}.",
         {"largest fpr": float(nets.fpr.max()), "least tpr": float(nets.tpr.min())},
     )
 

@@ -16,7 +16,7 @@ from thesis_lib.arrays import FloatArray, IntArray
 from thesis_lib.edition.criteria import EXACT, judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
-from thesis_lib.edition.words import number
+from thesis_lib.edition.words import number, several
 from thesis_lib.relevance import Solutions, domain_relevance, keep, remove
 from thesis_lib.selection import IBKR
 
@@ -162,11 +162,11 @@ def tests_are_quadratic(table: pd.DataFrame) -> Finding:
     """Features tested until all but one of P are removed, beside P(P + 1)/2."""
     own = table[table.example == "all removed"].groupby("target").tests.first()
     printed = own.index * (own.index + 1) / 2
-    told = ", ".join(f"{n} for P = {p}" for p, n in own.items())
+    told = several(f"{n} for P = {p}" for p, n in own.items())
     return judged(
         (own == printed).all(),
         f"Features tested, over all rounds: {told}; P(P + 1)/2 is "
-        f"{', '.join(f'{n:.0f}' for n in printed)}.",
+        f"{several(f'{n:.0f}' for n in printed)}.",
         {f"P = {p}": float(n) for p, n in own.items()},
         otherwise=Verdict.REFUTED,
     )

@@ -248,14 +248,20 @@ def some_reading_fits(table: pd.DataFrame) -> Finding:
     elif (found.gain & found.may_match).any():
         verdict = Verdict.DIRECTION
     sampled = f"{best.max_seqs or 'all'} {best.sampling} a k"
+    rates, gain, match, may, whole, part = (
+        int(n) or "none"
+        for n in (
+            *(found[c].sum() for c in ("rates", "gain", "matches", "may_match")),
+            *(len(every), len(some)),
+        )
+    )
     return Finding(
         verdict,
-        f"Of {len(found)} joint readings {found.rates.sum()} give the rates printed for five "
-        f"tasks, {found.gain.sum()} a significant gain there; {found.matches.sum()} are shown "
-        f"to come within {MATCH:.0%} of fixed features, {found.may_match.sum()} may; {len(every)} "
-        f"are shown to do all, {len(some)} may (Bonferroni). Nearest: the level of the "
-        f"{best.schedule} with {sampled} and the interval of the {best.interval}, "
-        f"{best.fpr:.2f}/{best.tpr:.2f}.",
+        f"Of {len(found)} joint readings {rates} give the rates printed for five tasks, {gain} a "
+        f"significant gain there; {match} are shown to come within {MATCH:.0%} of fixed features, "
+        f"{may} may; {whole} are shown to do all, {part} may (Bonferroni). Nearest: the level of "
+        f"the {best.schedule} with {sampled} and the interval of the {best.interval}, with an "
+        f"FPR/TPR of {best.fpr:.2f}/{best.tpr:.2f}.",
         {"all": len(every), "fpr": float(best.fpr), "tpr": float(best.tpr)},
     )
 
@@ -277,8 +283,8 @@ def false_positives_rise(table: pd.DataFrame) -> Finding:
     up, down = (int((sign * found.rises > found.rises_error).sum()) for sign in (1, -1))
     return Finding(
         graded(up == len(found), denied=down, otherwise=Verdict.INCONCLUSIVE),
-        f"From five tasks to {table.tasks_seen.max()} it changes by {listed} a k. Of {len(found)} "
-        f"readings it rises significantly in {up} and falls significantly in {down} (95% "
-        "intervals, Bonferroni over the readings).",
+        f"From five tasks to {table.tasks_seen.max()} the false positive rate changes by "
+        f"{listed} a k. Of {len(found)} readings it rises significantly in {up or 'none'} and "
+        f"falls significantly in {down or 'none'} (95% intervals, Bonferroni over the readings).",
         {"least": float(found.rises.min()), "most": float(found.rises.max())},
     )

@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter3.runs import TabularLearner
+from thesis_lib.chapter4.looks import SYMBOLS
 from thesis_lib.chapter4.runs import Kept, SolvedDomain, Trial, solve_domain
 from thesis_lib.domains import Domain, continuing_cliff, stock, triangle
 from thesis_lib.domains.planted import random_domain, torus
@@ -27,7 +28,7 @@ from thesis_lib.domains.toy_text import frozen_lakes, taxi
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import COLOURS
-from thesis_lib.edition.words import plus_minus
+from thesis_lib.edition.words import plus_minus, several
 from thesis_lib.potentials import linear_cross_task_weights
 from thesis_lib.selection import (
     FSTEK,
@@ -219,7 +220,7 @@ def shrinkage_errs_least(table: pd.DataFrame) -> Finding:
     wins = (regret[others].min(axis=1) >= regret.shrinkage - 1e-12).groupby("domain").mean()
     worst = regret[[*others, "shrinkage", "cross-fitted"]].max()
     total = float((regret[others].min(axis=1) >= regret.shrinkage - 1e-12).mean())
-    listed = ", ".join(f"{name} {value:.2f}" for name, value in worst.items())
+    listed = several(f"{value:.2f} ({SYMBOLS.get(name, name)})" for name, value in worst.items())
     verdict = Verdict.NOT_REPRODUCED
     if total == 1:
         verdict = Verdict.REPRODUCED
@@ -227,8 +228,8 @@ def shrinkage_errs_least(table: pd.DataFrame) -> Finding:
         verdict = Verdict.DIRECTION
     return Finding(
         verdict,
-        f"It errs least in {total:.0%} of {len(regret)} cells (by domain "
-        f"{', '.join(f'{d} {w:.0%}' for d, w in wins.items())}). Largest regret, in variances of "
+        f"Shrinkage errs least in {total:.0%} of {len(regret)} cells, by domain in "
+        f"{several(f'{w:.0%} ({d})' for d, w in wins.items())}. Largest regret, in variances of "
         f"Q_d: {listed}.",
         {"share": total, **worst.to_dict()},
     )

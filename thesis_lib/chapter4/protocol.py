@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
+from scipy.stats import norm
 
 from thesis_lib.arrays import BoolArray
 from thesis_lib.chapter3.runs import TabularLearner
@@ -201,3 +202,12 @@ def ahead(rows: pd.DataFrame, gap: str = "fstek_minus") -> pd.Series:
 def behind(rows: pd.DataFrame, gap: str = "fstek_minus") -> pd.Series:
     """Whether a paired difference lies below 0 by its 95% interval, row by row."""
     return -rows[gap] > rows[f"{gap}_ci95"]
+
+
+def wider(choices: int) -> float:
+    """Factor of a normal 95% interval that was looked at with others (Bonferroni).
+
+    >>> round(wider(1), 3), round(wider(4), 3)
+    (1.0, 1.274)
+    """
+    return float(norm.isf(0.025 / max(choices, 1)) / norm.isf(0.025))

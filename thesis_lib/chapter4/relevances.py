@@ -116,7 +116,7 @@ def triangle_features(table: pd.DataFrame) -> Finding:
     )
     return judged(
         position and colour and task["x2"] and domain["x2"],
-        f"Task and domain relevance of removing it alone: {listed}. By (4.9) distance is "
+        f"Task and domain relevance of a feature removed alone: {listed}. By (4.9) distance is "
         f"{'' if task['x2'] else 'not '}task relevant; within a task the position gives it away.",
         dict(own.task_relevance.add_suffix(" task")) | dict(own.domain_relevance),
         direction=position and colour,
@@ -168,8 +168,8 @@ def cliff_sensor(table: pd.DataFrame) -> Finding:
     )
     return judged(
         task and domain,
-        f"Task and domain relevance of removing it alone: {listed}. What counts as none is below "
-        f"{ROUNDING:.0g}; within a task the position may give it away.",
+        f"Task and domain relevance of the sensor, removed alone: {listed}. What counts as none is "
+        f"below {ROUNDING:.0g}; within a task the position may give it away.",
         {
             f"{name} {kind}": float(own[f"{kind}_relevance"])
             for name, own in by.items()
@@ -199,14 +199,16 @@ def stock_relevance(table: pd.DataFrame) -> Finding:
     met = {r: _statements(_of(table, "stock G=2", r)) for r in readings}
     sizes = [g for g in range(1, 6) if (table.domain == f"stock G={g}").any()]
     strong = [g for g in sizes if _statements(_of(table, f"stock G={g}", "after_next"))[3]]
-    counts = "; ".join(
-        f"{reading.replace('_', ' ')} {sum(m)} of 4 are met" for reading, m in met.items()
+    counts = several(
+        f"{sum(m)} with ownership {when} the action and the {which} stocks"
+        for (when, _, which), m in ((r.partition("_"), m) for r, m in met.items())
     )
     return judged(
         all(met["after_next"]) and len(strong) == len(sizes),
-        "Ownership irrelevant, stocks and action relevant, factors irrelevant across tasks, "
-        f"factors more task relevant than the rest, by when the reward is paid, at G = 2: {counts}."
-        f" With the reading used a single factor is more task relevant than anything else at G = "
+        "Of the four statements (ownership irrelevant, stocks and action relevant, factors "
+        "irrelevant across tasks, factors more task relevant than the rest) at G = 2 so many hold, "
+        f"by what the reward counts: {counts}. With the reading used a single factor is more task "
+        "relevant than anything else at G = "
         f"{several(map(str, strong)) if strong else 'none'} of {several(map(str, sizes))}.",
         {reading: sum(m) for reading, m in met.items()},
         direction=all(met["after_next"]),

@@ -12,6 +12,7 @@ from scipy.stats import norm
 
 from thesis_lib.chapter3.runs import SETTINGS
 from thesis_lib.chapter4.figure_4_6 import by_factors
+from thesis_lib.chapter4.looks import SYMBOLS
 from thesis_lib.chapter4.runs import Rated, Run, place, run_selectors, solve_domain
 from thesis_lib.domains import Domain, stock, triangle
 from thesis_lib.edition.criteria import LEVEL, graded, judged, positive
@@ -280,11 +281,14 @@ def strict_level_is_worst(table: pd.DataFrame) -> Finding:
     worse = _pooled(table, "fs-tek at 1e-4").set_index("domain")
     others = {m: _pooled(own, m).set_index("domain") for m in own.method.unique()}
     contrasts = {
-        f"{method}, {domain}": (float(r.ahead), float(r.ahead_ci95) / 1.96)
+        f"{SYMBOLS.get(method, method.replace('ibkr', 'IBKR'))}, {domain}": (
+            float(r.ahead),
+            float(r.ahead_ci95) / 1.96,
+        )
         for method, by in others.items()
         for domain, r in by.iterrows()
     } | {
-        f"fs-tek, {domain}": (-float(r.ahead), float(r.ahead_ci95) / 1.96)
+        f"FS-TEK, {domain}": (-float(r.ahead), float(r.ahead_ci95) / 1.96)
         for domain, r in worse.iterrows()
     }
     return positive(contrasts, "Return less that of FS-TEK at 1e-4")

@@ -334,14 +334,14 @@ def smaller_table_is_faster(table: pd.DataFrame) -> Finding:
     n = sorted(table.tasks_seen.unique())[-2]
     own, full = _once(table, "table", n), _once(table, "full", n)
     listed = "; ".join(
-        f"{r.Index}: {r.pairs:.0f} entries instead of {full.pairs[r.Index]:.0f}, "
+        f"{r.Index}: {r.pairs:.0f} entries instead of {full.pairs[r.Index]:.0f} take "
         f"{r.factor:.1f} times fewer steps (95% interval {r.factor_low:.1f} to "
         f"{r.factor_high:.1f})"
         for r in own.itertuples()
     )
     return judged(
         (own.factor_low > 1).all(),
-        f"After {n} tasks, to 90% of the full table's gain. {listed}.",
+        f"To 90% of the full table's gain, after {n} tasks: {listed}.",
         dict(own.factor),
         direction=(own.factor > 1).all(),
     )
