@@ -2,7 +2,8 @@
 
 All seeds: the last policy of every run, the mean of which our tables have.  Best seed: the last
 policy of the run that earned most over its last iterations.  Best batch: of every run the policy
-that collected its best batch.
+that collected its best batch, tested by ``thesis test-policies results/study/LAYER/policies.pt
+--rule all --policy best --conditions base --out results/study/LAYER/best-batch``.
 """
 
 from __future__ import annotations
