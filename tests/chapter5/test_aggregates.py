@@ -93,4 +93,6 @@ def test_the_rule_that_chooses_a_policy_can_change_who_is_best(tmp_path):
     assert shown.loc["ESN", "best batch"] == "1.00 (1)"
     told = best_policy.reading(table)
     assert told.count("another net is best on 1 of 1 rows (Ant flat)") == 2
-    assert best_policy.reading(table.iloc[:0]).startswith("No row")
+    none = best_policy.by_rule.run(config=Config(store="/nowhere")).table
+    assert best_policy.reading(none).startswith("No row")
+    assert best_policy.shown(none).columns.tolist() == ["net"]

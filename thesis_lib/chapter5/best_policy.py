@@ -77,10 +77,12 @@ def _whole(table: pd.DataFrame) -> pd.DataFrame:
 def shown(table: pd.DataFrame) -> pd.DataFrame:
     """Mean share of the best net's return by rule, and who is best on how many rows."""
     by = _whole(table)
+    columns: dict[str, list[str]] = {"net": list(NETS)}
+    if by.empty:
+        return pd.DataFrame(columns)
     share = by.div(by.max(axis=1), axis=0).groupby("rule").mean()
     won = by.idxmax(axis=1).groupby("rule").value_counts().unstack(fill_value=0)
     won = won.reindex(columns=list(NETS), fill_value=0)
-    columns: dict[str, list[str]] = {"net": list(NETS)}
     for rule in (ALL, SEED, BATCH):
         if rule in share.index:
             pairs = zip(share.loc[rule], won.loc[rule], strict=True)

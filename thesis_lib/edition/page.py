@@ -190,7 +190,7 @@ class Page:
     over
         Committed verdicts over roots, by claim.
     chosen
-        Fields by which configs differ from the budget's (:meth:`choose`).
+        By class of configs, the fields in which they differ from the budget's (:meth:`choose`).
     """
 
     budget: str
@@ -201,7 +201,7 @@ class Page:
     differences: dict[str, Difference] = field(default_factory=dict, repr=False)
     tables: dict[str, pd.DataFrame] = field(default_factory=dict, repr=False)
     over: Mapping[str, OverRoots] = field(default_factory=dict, repr=False)
-    chosen: dict[str, Any] = field(default_factory=dict, repr=False)
+    chosen: dict[type, dict[str, Any]] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         check_budget(self.budget)
@@ -209,19 +209,26 @@ class Page:
         if isinstance(self.workers, bool) or not isinstance(self.workers, int) or self.workers < 1:
             raise ValueError(f"workers is {self.workers!r}; give an integer of at least 1.")
 
-    def choose(self, **values: Any) -> None:
-        """Replace fields in the config of every experiment that has them, from here on.
+    def choose(self, config: type, **values: Any) -> None:
+        """Replace fields in the configs of one class, from here on.
 
         What is run with other values than the budget's is shown and judged here, and not stored.
+
+        Parameters
+        ----------
+        config
+            Class of the configs, such as ``contrasts.Config``.
+        values
+            By the name of the field.
         """
-        self.chosen.update(values)
+        self.chosen.setdefault(config, {}).update(values)
 
     def _config(self, experiment: Experiment[Any]) -> Any:
         """The budget's config with the fields chosen; None where they change nothing."""
         usual = experiment.config(self.budget)
-        own = vars(usual).keys() & self.chosen.keys()
-        chosen = {name: self.chosen[name] for name in own if self.chosen[name] != vars(usual)[name]}
-        return replace(usual, **chosen) if chosen else None
+        chosen = self.chosen.get(type(usual), {})
+        changed = {name: value for name, value in chosen.items() if value != vars(usual)[name]}
+        return replace(usual, **changed) if changed else None
 
     def run(self, experiment: Experiment[Any], config: Any = None) -> pd.DataFrame:
         """Run an experiment at the page's budget, seed and workers, and return its table.
