@@ -15,6 +15,7 @@ import pytest
 
 from tests.surroundings import ROOT, python, read_only
 from thesis_lib import cli
+from thesis_lib.checkout import repository_root
 from thesis_lib.edition import roots
 from thesis_lib.edition.chapters import experiments
 
@@ -286,3 +287,9 @@ def test_a_checkout_that_cannot_be_written_to(command, tmp_path):
         assert str(copy) in said
         assert ("--out" in said) == (command == "run")
         assert "Traceback" not in done.stderr
+
+
+def test_a_recorded_command_names_no_folder_of_this_machine() -> None:
+    within = str(repository_root() / "results" / "study")
+    asked = ["merge", within, "/home/someone/runs/extra", "--maps=/tmp/maps", "a=0.1", "b/c"]
+    assert cli.recorded(asked) == "thesis merge results/study extra --maps=maps a=0.1 b/c"

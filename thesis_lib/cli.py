@@ -21,7 +21,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from thesis_lib.checkout import cache_folders
+from thesis_lib.checkout import cache_folders, repository_root
 from thesis_lib.checks import ForeseenError, check_seed
 from thesis_lib.cli_parts import checked, parsed, status, text, unchecked
 from thesis_lib.edition.budgets import BUDGETS, check_budget
@@ -168,7 +168,6 @@ class Claims:
         return 0
 
     def _over_seeds(self) -> int:
-        from thesis_lib.checkout import repository_root
         from thesis_lib.edition import roots
         from thesis_lib.edition.chapters import claims
         from thesis_lib.edition.ledger import select
@@ -251,7 +250,10 @@ class Book:
 
 
 def recorded(arguments: Sequence[str]) -> str:
-    """The command line for a record, without what depends on the machine and not the result."""
+    """The command line for a record, without what depends on the machine and not the result.
+
+    Of a path from the root of the file system the part within the checkout stays, or its last name.
+    """
     kept: list[str] = []
     skip = False
     for argument in arguments:
@@ -261,8 +263,18 @@ def recorded(arguments: Sequence[str]) -> str:
         elif skip:
             skip = False
         else:
-            kept.append(argument)
+            option, equals, value = argument.rpartition("=")
+            kept.append(f"{option}{equals}{_without_machine(value)}")
     return f"thesis {shlex.join(kept)}"
+
+
+def _without_machine(value: str) -> str:
+    """A path without the folders that only this machine has; any other text as it is."""
+    path = Path(os.path.expanduser(value))
+    if not path.is_absolute():
+        return value
+    root = repository_root()
+    return str(path.relative_to(root)) if path.is_relative_to(root) else path.name
 
 
 _LATE = {

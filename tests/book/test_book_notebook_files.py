@@ -14,7 +14,7 @@ from nbconvert import ScriptExporter
 from thesis_lib.book.sources import TAKEAWAY_TAG, code_cells, parameter_names, read
 from thesis_lib.book.thesis_numbers import thesis_number
 from thesis_lib.edition.experiment import Experiment
-from thesis_lib.edition.page import assigned_names
+from thesis_lib.edition.parameters import assigned_names
 
 ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))

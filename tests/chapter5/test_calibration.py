@@ -55,6 +55,23 @@ def test_the_text_s_subset(tmp_path: Path, text: float, seeds: int, verdict: Ver
     assert text_subset_learns(table(tmp_path, *runs)).verdict is verdict
 
 
+def test_what_fits_and_what_was_not_tried(tmp_path: Path) -> None:
+    runs = [
+        curves("code", 0, [200.0] * 4),  # above 273.4 - 2 x 60.8 = 151.8
+        curves("code", 1, [200.0] * 4),
+        curves("text", 0, [20.0] * 4),
+        curves("code", 0, [50.0] * 4).assign(architecture="gru"),  # below 143.4 - 2 x 41.9 = 59.6
+    ]
+    made = table(tmp_path, *runs)
+    told = calibration.fit(made)
+    assert "some reading brings DTRNN to the printed level" in told
+    assert "nothing tried brings GRU (35%) there" in told  # 50 of 143.4
+    left = calibration.gaps(made)
+    assert "On the Hopper nothing was tried for CTRNN, ESN, DFFWD, FFWD and LSTM." in left
+    assert "On the Swimmer, whose subset of sensors is a reading too, nothing was." in left
+    assert "2 of 3 readings have one seed alone." in left
+
+
 def test_the_runs_that_are_kept() -> None:
     made = readings.run("book").table
     assert (made.n_runs >= 1).all()

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from thesis_lib.chapter5 import live, nine_networks, options, peers, precision
+from thesis_lib.chapter5 import committed, live, nine_networks, options, peers, precision
 from thesis_lib.chapter5.committed import commits
 from thesis_lib.chapter5.networks import STYLES
 from thesis_lib.training.config import TrainConfig, step_size
@@ -97,6 +97,14 @@ def test_commits_are_told_run_by_run() -> None:
     mixed = {"runs": [*one["runs"], {"commit": "bbb+"}]}
     assert commits(mixed).startswith("2 of its 3 runs at commit aaa, the others at 1 more;")
     assert "as 1 of them have" in commits(mixed)
+
+
+def test_former_defaults_are_told_net_by_net() -> None:
+    told = committed.former("options/previous_action/curves")
+    assert "CTRNN with time constants of 1 s (now 0.1 s)" in told
+    assert "GRU, LSTM and ESN with output weights at 1 of their scale (now 0.1)" in told
+    assert "DTRNN" not in told  # nothing of it was changed
+    assert committed.former("study/depth/curves") == ""
 
 
 def test_every_network_has_a_line_of_its_own() -> None:

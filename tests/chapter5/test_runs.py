@@ -8,7 +8,8 @@ import pytest
 
 from thesis_lib.chapter5 import cell_table, judging, printed_length, table_5_2
 from thesis_lib.chapter5.cells import NETS
-from thesis_lib.chapter5.contrasts import Config
+from thesis_lib.chapter5.contrasts import Config, chosen
+from thesis_lib.chapter5.returns import table_5_3, table_c_1
 from thesis_lib.chapter5.runs import read_runs
 from thesis_lib.edition.ledger import Verdict
 from thesis_lib.edition.words import number
@@ -19,6 +20,7 @@ from thesis_lib.training.plan import cost
 from thesis_lib.training.suite import SuiteConfig, evaluate_all, write
 from thesis_lib.training.sweep import sweep
 
+COLUMNS = ["claim", "verdict", "evidence"]
 RUN = {"task": "Hopper", "terrain": "flat", "architecture": "gru", "variant": "default"}
 
 
@@ -92,6 +94,78 @@ def test_what_is_left_to_run_is_told_with_its_cost(tmp_path):
     hours = 3 * (every - 500 * 50_000 * 20e-6) / 3600
     assert "Of 70 cells 69 have not been run at the printed length with 3 seeds" in told
     assert f"about {number(hours)} processor hours" in told
+
+
+def test_how_long_the_runs_of_each_cell_are_is_told_cell_by_cell(tmp_path):
+    cell = {"task": "HalfCheetah", "architecture": "ctrnn"}
+    layer(tmp_path, "depth", 3, 500, 50_000, **cell)
+    layer(tmp_path, "breadth", 4, 150, 20_000, **cell | {"architecture": "gru"})
+    table = table_5_2.entries.run(config=Config(store=str(tmp_path))).table
+    row = cell_table.budgets(table).set_index("robot").loc["HalfCheetah"]
+    assert (row.CTRNN, row.GRU, row.LSTM) == ("**25 (3)**", "3 (4)", None)
+    # Nets of one row that have not run as long are named.
+    told = cell_table.run_length(table)
+    assert "500 iterations of 50,000 steps" in told
+    assert "HalfCheetah flat CTRNN" in told or "HalfCheetah flat GRU" in told
+
+
+def test_runs_of_some_robots_nets_and_seeds(tmp_path):
+    for net in ("gru", "dtrnn"):
+        layer(tmp_path, net, 4, 2, 1000, architecture=net)
+    config = Config(store=str(tmp_path), tasks="Hopper", architectures="GRU", seeds="0 3")
+    found = config.runs().curves
+    assert (set(found.architecture), set(found.seed)) == ({"gru"}, {0, 3})
+    assert Config(store=str(tmp_path), tasks="Ant").runs().curves.empty
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"tasks": "hopper"}, "tasks has 'hopper', but it must name some of Ant, HalfCheetah"),
+        ({"architectures": ["dtrnn", "rnn"]}, "architectures has 'rnn'.*ctrnn, dtrnn"),
+        ({"seeds": "1 -2"}, "seeds has '-2'.*at least 0"),
+        ({"seeds": 0.5}, "seeds has '0.5'"),
+        ({"store": "/nowhere/at/all"}, "no such folder: give one in which `thesis sweep`"),
+    ],
+)
+def test_a_notebooks_parameters_are_refused_in_one_sentence(given, message):
+    with pytest.raises(ValueError, match=message) as refused:
+        chosen(**given)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_notebooks_parameters_are_text_or_lists(tmp_path):
+    asked = chosen(["Hopper", "Ant"], "gru", 3, str(tmp_path))
+    assert asked == {
+        **{"tasks": "Hopper Ant", "architectures": "gru", "seeds": "3"},
+        "store": str(tmp_path.resolve()),
+    }
+    assert chosen() == {"tasks": "", "architectures": "", "seeds": "", "store": ""}
+
+
+def test_each_source_is_told_beside_the_verdict():
+    good = judging.Evidence(Verdict.REPRODUCED, "5 of 7 (one: Our Hopper).")
+    bad = judging.Evidence(Verdict.REFUTED, "2 of 7.", units=3, tasks=4)
+    found = [judging.weigh(good, bad), judging.weigh(good, None), judging.weigh(None, good)]
+    rows = judging.side_by_side(
+        pd.DataFrame([("c", str(f.verdict), f.evidence) for f in found], columns=COLUMNS)
+    )
+    assert rows.columns.tolist() == ["claim", "verdict", "printed", "ours", "why"]
+    # Four of five robots tell nothing.
+    assert rows.printed.fillna("").tolist() == ["reproduced", "reproduced", ""]
+    assert rows.ours.fillna("").tolist() == ["inconclusive at this budget", "", "reproduced"]
+    assert rows.why.tolist() == [f.evidence for f in found]
+
+
+def test_misprints_are_told_once_a_table():
+    config = Config(store="/nowhere")
+    tables = {n: e.run(config=config).table for n, e in (("5.3", table_5_3), ("C.1", table_c_1))}
+    found = cell_table.misprints(tables)
+    assert found.table.tolist() == ["5.3", "C.1", "C.1"]
+    assert found.entry.tolist()[0] == "Hopper flat, CTRNN"
+    assert found.printed.tolist()[0] == "2351.4"
+    assert "all 10 of DFFWD" in found.entry.tolist()
+    assert found["what is known"].str.contains("Table C.1 prints 2331.4").any()
 
 
 def test_without_enough_seeds_anywhere_the_deepest_counts(tmp_path):

@@ -166,6 +166,23 @@ class TestRun:
         nb.Page("smoke").run(experiment, config=nb.Page("book"))
         assert list(tmp_path.iterdir()) == []
 
+    def test_chosen_fields_reach_the_configs_of_their_class(
+        self, experiment: Experiment[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setenv(nb.RESULTS_VARIABLE, str(tmp_path))
+        seen = replace(
+            experiment,
+            function=lambda config, context: pd.DataFrame({"x": [config.seed]}),
+        )
+        page = nb.Page("smoke")
+        page.choose(Claim, seed=7)  # another class with a field of that name
+        page.choose(nb.Page, seed=5)
+        assert page.run(seen).x.tolist() == page.tables["table-0"].x.tolist() == [5]
+        assert list(tmp_path.iterdir()) == []
+        page.choose(nb.Page, seed=0)  # as the budget has it
+        assert page.run(seen).x.tolist() == [0]
+        assert {f.name for f in tmp_path.iterdir()} == {"table-0.csv", "table-0.json"}
+
     def test_outside_a_build_nothing_is_stored(
         self, experiment: Experiment[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:

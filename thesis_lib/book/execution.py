@@ -33,7 +33,8 @@ from thesis_lib.book.paths import Paths
 from thesis_lib.book.sources import code_cells, parameter_names, read
 from thesis_lib.checkout import environment
 from thesis_lib.edition.experiment import Experiment
-from thesis_lib.edition.page import RESULTS_VARIABLE, check_parameters
+from thesis_lib.edition.page import RESULTS_VARIABLE
+from thesis_lib.edition.parameters import check_parameters
 from thesis_lib.imports import PACKAGE, closure, data_files, imported, saved_results
 
 _OUTPUT, _MANIFEST, _TABLES = "notebook.ipynb", "manifest.json", "results"

@@ -9,7 +9,7 @@ from typing import Any
 import nbformat
 
 from thesis_lib.book import inline
-from thesis_lib.edition.page import assigned_names
+from thesis_lib.edition.parameters import assigned_names
 
 PARAMETERS_TAG = "parameters"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -272,6 +273,8 @@ def run_length(table: pd.DataFrame) -> str:
     if run.empty:
         return "no iteration"
     row = run.task + " " + run.trained_on
+    mixed = (run.iterations * 1e9 + run.batch_steps).groupby(row).transform("nunique") > 1
+    row = row.where(~mixed, row + " " + run.architecture)
     by_budget = row.groupby([run.iterations, run.batch_steps]).unique()
     by_budget = by_budget.sort_values(
         key=lambda rows: rows.map(len), ascending=False, kind="stable"
@@ -282,6 +285,48 @@ def run_length(table: pd.DataFrame) -> str:
     )
     apart = [f"; on {', '.join(rows)} {length}" for length, rows in others]
     return usual[0] + "".join(apart)
+
+
+def budgets(table: pd.DataFrame) -> pd.DataFrame:
+    """How long our runs behind each cell are: million control steps, and in brackets seeds.
+
+    Bold where they are as long as the thesis's with enough seeds; a row a robot and ground.
+    """
+    lines = []
+    for (ground, robot), own in table.groupby(["trained_on", "task"], sort=False):
+        line = {"robot": robot if ground == "flat" else f"{robot} {ground}"}
+        for cell in own.itertuples():
+            length = f"{cell.iterations * cell.batch_steps / 1e6:.3g} ({cell.seeds})"
+            whole = cell.printed_budget and cell.seeds >= ENOUGH
+            line[cell.architecture] = f"**{length}**" if whole else length
+            if not cell.seeds:
+                line[cell.architecture] = None
+        lines.append(line)
+    return pd.DataFrame(lines, columns=["robot", *NETS])
+
+
+def misprints(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """What is known of printed entries, one line for those of a table with the same note.
+
+    Parameters
+    ----------
+    tables
+        Cells by the number of their table, such as ``C.1``.
+    """
+    lines = []
+    for name, cells in tables.items():
+        for note, own in cells[cells.note != ""].groupby("note", sort=False):
+            nets = several(own.architecture.unique())
+            rows = several(dict.fromkeys(own.task + " " + own.trained_on))
+            lines.append(
+                {
+                    "table": name,
+                    "entry": f"{rows}, {nets}" if len(own) < 3 else f"all {len(own)} of {nets}",
+                    "printed": several(own.printed.map("{:.1f}".format)) if len(own) < 3 else None,
+                    "what is known": f"{note[0].upper()}{note[1:]}.",
+                }
+            )
+    return pd.DataFrame(lines, columns=["table", "entry", "printed", "what is known"])
 
 
 def left_to_run(table: pd.DataFrame) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +12,8 @@ from matplotlib.axes import Axes
 from scipy import stats
 
 from thesis_lib.edition.saved import saved
+from thesis_lib.edition.words import several
+from thesis_lib.training.config import TrainConfig, head_scale
 from thesis_lib.training.curves import CURVES_COLUMNS
 
 COLUMNS: Mapping[str, str] = {
@@ -22,6 +25,9 @@ COLUMNS: Mapping[str, str] = {
     )
 }
 """Columns of committed curves that the page needs."""
+
+AUTHORS_TIME_CONSTANT = 1.0
+"""Initial time constants of the CTRNN in the author's code, in seconds."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +67,43 @@ def commits(provenance: Mapping[str, Any]) -> str:
         f"{most}, the others at {len(count) - 1} more; the record beside the curves names each "
         f"run's{marks if changed else ''}"
     )
+
+
+def time_constant(provenance: Mapping[str, Any]) -> float:
+    """Initial time constants of a sweep's default CTRNN in seconds.
+
+    A record has what all its runs share.  Where a variant changes the time constant it has none,
+    and the default is the author's, as it was of all sweeps before the calibration.
+    """
+    return float(provenance["config"].get("time_constant", AUTHORS_TIME_CONSTANT))
+
+
+def former(*names: str) -> str:
+    """How the defaults of committed sweeps differ from those of today, net by net; or nothing.
+
+    Parameters
+    ----------
+    names
+        Paths below ``results`` without a suffix.
+    """
+    apart: dict[str, dict[str, None]] = {}
+    for name in names:
+        sweep = saved(name)
+        scale = {run["run"]: run.get("head_scale", 1.0) for run in sweep.provenance["runs"]}
+        for net in sweep.table.architecture.unique():
+            now = TrainConfig(architecture=net)
+            then = time_constant(sweep.provenance)
+            if net == "ctrnn" and then != now.time_constant:
+                words = f"time constants of {then:g} s (now {now.time_constant:g} s)"
+                apart.setdefault(words, {})[net.upper()] = None
+            plain = re.compile(rf".*-{net}-\d+-float\d\d")
+            scales = {s for run, s in scale.items() if plain.fullmatch(run)}
+            if scales and scales != {head_scale(now)}:
+                words = (
+                    f"output weights at {min(scales):g} of their scale (now {head_scale(now):g})"
+                )
+                apart.setdefault(words, {})[net.upper()] = None
+    return "; ".join(f"{several(nets)} with {words}" for words, nets in apart.items())
 
 
 def band(

@@ -8,16 +8,17 @@ policies differ on these tasks; and with *tasks* as the unit, which says whether
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.stats import ttest_1samp
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5 import cells
-from thesis_lib.chapter5.cells import GROUPS, NETS, Cells, shares
-from thesis_lib.chapter5.runs import ENOUGH, read_runs
+from thesis_lib.chapter5.cells import EXTRA_NETS, GROUPS, NETS, ROBOTS, Cells, shares
+from thesis_lib.chapter5.runs import ENOUGH, Runs, read_runs
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.robustness import PERTURBATIONS, TRAINED_ON, quadrants
 from thesis_lib.stats import friedman, two_sided
@@ -31,9 +32,77 @@ class Config:
     """Bootstrap resamples."""
     store: str = ""
     """Folder of the results store; the checkout's own where empty."""
+    tasks: str = ""
+    """Robots of our runs, such as "Hopper Walker2d"; all where empty."""
+    architectures: str = ""
+    """Nets of our runs, such as "dtrnn gru"; all where empty."""
+    seeds: str = ""
+    """Seeds of our runs, such as "0 1 2"; all where empty."""
+
+    def __post_init__(self) -> None:
+        nets = tuple(net.lower() for net in (*NETS, *EXTRA_NETS))
+        for name, words, allowed in (
+            ("tasks", self.tasks, ROBOTS),
+            ("architectures", self.architectures.lower(), nets),
+        ):
+            for word in words.split():
+                if word not in allowed:
+                    raise ValueError(
+                        f"{name} has {word!r}, but it must name some of {', '.join(allowed)}, with "
+                        "spaces between them, or be empty for all."
+                    )
+        for word in self.seeds.split():
+            if not word.isdecimal():
+                raise ValueError(
+                    f"seeds has {word!r}, but it must be whole numbers of at least 0 with spaces "
+                    "between them, or be empty for all."
+                )
+
+    def runs(self) -> Runs:
+        """Our runs that are asked for."""
+        return read_runs(self.store).only(
+            self.tasks.split(),
+            self.architectures.lower().split(),
+            [int(seed) for seed in self.seeds.split()],
+        )
 
 
 SMOKE, BOOK = Config(200), Config()
+
+
+def chosen(
+    tasks: str | Sequence[str] = "",
+    architectures: str | Sequence[str] = "",
+    seeds: str | int | Sequence[int] = "",
+    store: str = "",
+) -> dict[str, str]:
+    """Fields of :class:`Config` from the parameters of a notebook.
+
+    Parameters
+    ----------
+    tasks, architectures, seeds
+        Of our runs, as text with spaces or as a list; all where empty.
+    store
+        Folder of a results store; the checkout's own where empty.
+
+    Raises
+    ------
+    ValueError
+        For a name that does not exist, a seed that is none, or a folder that is not there.
+    """
+    if store and not Path(store).is_dir():
+        raise ValueError(
+            f"store is {store!r}, but there is no such folder: give one in which `thesis sweep` "
+            "and `thesis test-policies` wrote layers (--out), or leave it empty."
+        )
+    words = {"tasks": tasks, "architectures": architectures, "seeds": seeds}
+    fields = {
+        name: " ".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)
+        for name, value in words.items()
+    }
+    Config(**fields)  # raises for what it does not know
+    return {**fields, "store": store and str(Path(store).resolve())}
+
 
 PAIRS = (
     *itertools.permutations(NETS, 2),
@@ -85,7 +154,7 @@ class Contrast:
 @experiment("ch5-comparisons", item="Sections 5.5 to 5.7", smoke=SMOKE, book=BOOK, seconds=2)
 def comparisons(config: Config, context: Context) -> list[Contrast]:
     """Differences between nets in learning, at test and in robustness, printed and ours."""
-    store = read_runs(config.store)
+    store = config.runs()
     rngs = iter([np.random.default_rng(s) for s in context.seeds(4)])
     n = config.resamples
     rows: list[Contrast] = []

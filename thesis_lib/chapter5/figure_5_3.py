@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from thesis_lib import published
 from thesis_lib.chapter5.cells import NETS, ROBOTS
 from thesis_lib.chapter5.contrasts import Config
-from thesis_lib.chapter5.runs import CELL, DEFAULT, read_runs
+from thesis_lib.chapter5.runs import CELL, DEFAULT
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.plots import COLOURS
 from thesis_lib.published import TASKS
@@ -54,7 +54,7 @@ class Point:
 @experiment("figure-5.3", item="Figure 5.3", smoke=Config(), book=Config(), seconds=0.5)
 def curves(config: Config, context: Context) -> list[Point]:
     """Learning curves by robot, ground and net at the deepest budget there is."""
-    store = read_runs(config.store)
+    store = config.runs()
     cells = by_cell(store.curves, store.deepest())
     published_by = (
         published.load("table-5.2").set_index(["task", "trained_on", "architecture"]).value

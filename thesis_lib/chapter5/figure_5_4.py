@@ -26,7 +26,7 @@ from thesis_lib.chapter5.judging import (
     pick,
     together,
 )
-from thesis_lib.chapter5.runs import ENOUGH, read_runs
+from thesis_lib.chapter5.runs import ENOUGH
 from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Verdict
@@ -76,7 +76,7 @@ def scores(config: Config, context: Context) -> list[Score]:
     a, b, c = (np.random.default_rng(s) for s in context.seeds(3))
     n = config.resamples
     printed = cells.printed(tuple(cells.TESTED.values()), a, n)
-    ours = cells.from_tests(read_runs(config.store), b, n)
+    ours = cells.from_tests(config.runs(), b, n)
     return [*_scores(printed, c, n), *_scores(ours, c, n)]
 
 

@@ -14,7 +14,7 @@ from thesis_lib.chapter5 import cells
 from thesis_lib.chapter5.cells import EXTRA_NETS, NETS
 from thesis_lib.chapter5.contrasts import SMOKE, Config
 from thesis_lib.chapter5.judging import Evidence, both
-from thesis_lib.chapter5.runs import ENOUGH, read_runs
+from thesis_lib.chapter5.runs import ENOUGH
 from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.plots import COLOURS
@@ -56,7 +56,7 @@ def depth(config: Config, context: Context) -> list[Score]:
     """Scores under noise with a softplus net and a wide shallow one; their bars are a picture."""
     a, b = (np.random.default_rng(s) for s in context.seeds(2))
     printed = cells.printed(tuple(cells.TESTED.values()), a, config.resamples)
-    ours = cells.from_tests(read_runs(config.store), b, config.resamples, ALL_NETS)
+    ours = cells.from_tests(config.runs(), b, config.resamples, ALL_NETS)
     return [*_scores(printed, NETS), *_scores(ours, ALL_NETS)]
 
 

@@ -7,6 +7,7 @@ the printed tables themselves deny is denied.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -61,6 +62,9 @@ class Evidence:
     of_tasks: int = len(ROBOTS)
 
 
+_PARTS = re.compile(rf"(The printed tables|Our runs(?: \([^)]*\))?) ({'|'.join(_WORDS.values())}):")
+"""Where the sentences of each source begin in the evidence for a claim."""
+
 Judge = Callable[..., Evidence | None]
 """From a source, ``printed`` or ``ours``, and tables, to what they say; None without any run."""
 
@@ -100,6 +104,35 @@ def weigh(printed: Evidence | None, ours: Evidence | None) -> Finding:
         mine = f"Our runs ({ours.units} seeds{some}{deep}) {_WORDS[own]}: {ours.sentence}"
     verdicts = [own] if printed is None else [printed.verdict, own]
     return Finding(min(verdicts, key=WEAKEST_FIRST.index), f"{theirs} {mine}")
+
+
+def side_by_side(verdicts: pd.DataFrame) -> pd.DataFrame:
+    """Verdicts with what each source says of the claim by itself.
+
+    Parameters
+    ----------
+    verdicts
+        Columns ``claim``, ``verdict`` and ``evidence``, the last as :func:`weigh` writes it.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``claim``, ``verdict``, ``printed``, ``ours`` and ``why``: the verdicts of the
+        sources, none where one says nothing, and the sentences behind them.
+    """
+    meant = {words: str(verdict) for verdict, words in _WORDS.items()}
+    sources = {"printed": "The printed tables", "ours": "Our runs"}
+    rows = []
+    for claim, verdict, evidence in verdicts[["claim", "verdict", "evidence"]].itertuples(
+        index=False
+    ):
+        by = {name: meant[words] for name, words in _PARTS.findall(evidence)}
+        said = {
+            source: next((v for name, v in by.items() if name.startswith(start)), None)
+            for source, start in sources.items()
+        }
+        rows.append({"claim": claim, "verdict": verdict, **said, "why": evidence})
+    return pd.DataFrame(rows, columns=["claim", "verdict", *sources, "why"])
 
 
 def _own(ours: Evidence | None) -> Verdict:

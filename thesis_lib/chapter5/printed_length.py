@@ -20,7 +20,7 @@ from thesis_lib import published
 from thesis_lib.chapter5.cells import NETS, ROBOTS
 from thesis_lib.chapter5.contrasts import Config
 from thesis_lib.chapter5.figure_5_3 import bins, by_cell
-from thesis_lib.chapter5.runs import CELL, PRINTED_STEPS, read_runs
+from thesis_lib.chapter5.runs import CELL, PRINTED_STEPS
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.plots import COLOURS, PRINTED
 from thesis_lib.published import TASKS
@@ -65,7 +65,7 @@ class Point:
 )
 def curves(config: Config, context: Context) -> list[Point]:
     """Learning curves of runs as long as the thesis's, seed by seed."""
-    store = read_runs(config.store)
+    store = config.runs()
     budgets = store.depths()
     long = budgets.steps >= PRINTED_STEPS
     cells, others = (

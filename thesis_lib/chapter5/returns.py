@@ -28,7 +28,7 @@ from thesis_lib.chapter5.judging import (
     of_rows,
     pick,
 )
-from thesis_lib.chapter5.runs import CELL, DEFAULT, read_runs
+from thesis_lib.chapter5.runs import CELL, DEFAULT
 from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, Experiment, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
@@ -46,7 +46,7 @@ def _returns(table: str, condition: str, item: str) -> Experiment[Config]:
     """The experiment of one printed table of test returns."""
 
     def cells(config: Config, context: Context) -> list[Cell]:
-        store = read_runs(config.store)
+        store = config.runs()
         tests = store.returns()
         tests = tests[(tests.condition == condition) & (tests.correlation == 0)]
         tests = tests[(tests.intervention == "none") & (tests.variant == DEFAULT)]

@@ -8,7 +8,7 @@ same iteration; one that has not come so far is left out.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -39,11 +39,12 @@ TEST_COLUMNS: Mapping[str, str] = {
     "correlation": "correlation time of the noise in control steps, 0 where it is white",
     "intervention": "what was done to the net in the test: none, no memory, no previous action "
     "or input filter",
+    "policy": "of a training run: last, or that of the best batch (best)",
     "run": "number of the test run, from 0",
     "return": "return of the test run",
 }
 """Columns of ``tests``, one row a test run of a policy; ``correlation`` and ``intervention`` may
-be left out where there is none."""
+be left out where there is none, and ``policy`` where it is the last."""
 
 PRINTED_STEPS = 500 * 50_000
 """Control steps of a run of table 5.2: 500 iterations of 50,000."""
@@ -69,6 +70,20 @@ class Runs:
 
     curves: pd.DataFrame
     tests: pd.DataFrame
+
+    def only(
+        self,
+        tasks: Collection[str] = (),
+        architectures: Collection[str] = (),
+        seeds: Collection[int] = (),
+    ) -> Runs:
+        """The runs of some robots, nets and seeds; of all where none are named."""
+        chosen = {"task": tasks, "architecture": architectures, "seed": seeds}
+        parts = [self.curves, self.tests]
+        for name, values in chosen.items():
+            if values:
+                parts = [part[part[name].isin(values)] for part in parts]
+        return Runs(*parts)
 
     def depths(self, *, enough: int = ENOUGH, across: Sequence[str] = ()) -> pd.DataFrame:
         """The budgets there are for each cell, the one that counts first.
@@ -133,22 +148,27 @@ class Runs:
         runs = by.agg(["mean", lambda r: r.tail(5).mean()])
         return runs.set_axis(["mean_return", "last_return"], axis=1).reset_index()
 
-    def returns(self, *, enough: int = ENOUGH, across: Sequence[str] = ()) -> pd.DataFrame:
+    def returns(
+        self, *, enough: int = ENOUGH, across: Sequence[str] = (), policy: str = "last"
+    ) -> pd.DataFrame:
         """Mean return of each policy in each test, at the budget that counts.
 
         Parameters
         ----------
         enough, across
             Which that is (:meth:`depths`).
+        policy
+            ``last``, or ``best``: that of a run's best batch.
 
         Returns
         -------
         pandas.DataFrame
-            Columns of :data:`TEST_COLUMNS` less ``run``, ``return`` (mean over its test runs),
-            ``iterations``, ``batch_steps``.
+            Columns of :data:`TEST_COLUMNS` less ``run`` and ``policy``, ``return`` (mean over its
+            test runs), ``iterations``, ``batch_steps``.
         """
         keys = ["seed", "condition", "correlation", "intervention", "iterations", "batch_steps"]
-        chosen = self._chosen(self.tests, self.deepest(enough=enough, across=across))
+        tests = self.tests[self.tests.policy == policy]
+        chosen = self._chosen(tests, self.deepest(enough=enough, across=across))
         return chosen.groupby([*CELL, *keys], as_index=False)["return"].mean()
 
     @staticmethod
@@ -184,7 +204,7 @@ def _read(root: Path, name: str, columns: Mapping[str, str]) -> pd.DataFrame:
     for path in sorted(p for s in (".csv", ".parquet") for p in root.glob(f"**/{name}{s}")):
         table = pd.read_csv(path) if path.suffix == ".csv" else pd.read_parquet(path)
         if name == "tests":
-            missing = {"correlation": 0.0, "intervention": "none"}
+            missing = {"correlation": 0.0, "intervention": "none", "policy": "last"}
             table = table.assign(**{k: v for k, v in missing.items() if k not in table})
         if lacking := [c for c in columns if c not in table]:
             raise ValueError(

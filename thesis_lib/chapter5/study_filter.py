@@ -30,7 +30,7 @@ from matplotlib.figure import Figure
 from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5.contrasts import SMOKE, Config
 from thesis_lib.chapter5.judging import ALPHA
-from thesis_lib.chapter5.runs import DEFAULT, PRINTED_STEPS, Runs, read_runs
+from thesis_lib.chapter5.runs import DEFAULT, PRINTED_STEPS, Runs
 from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
@@ -117,13 +117,13 @@ class Prediction:
 @experiment("ch5-filter-kept", item="Study 1", smoke=SMOKE, book=Config(), seconds=0.08)
 def kept(config: Config, context: Context) -> list[Kept]:
     """Shares of the return kept under noise of one variance and five correlation times."""
-    return _kept(read_runs(config.store), range(FRESH.start))[0]
+    return _kept(config.runs(), range(FRESH.start))[0]
 
 
 @experiment("ch5-correlated-noise", item="Study 1", smoke=SMOKE, book=Config(), seconds=0.08)
 def fresh(config: Config, context: Context) -> list[Kept]:
     """The same of fresh seeds, trained after something was seen in the others."""
-    return _kept(read_runs(config.store), FRESH)[0]
+    return _kept(config.runs(), FRESH)[0]
 
 
 def _kept(store: Runs, seeds: range) -> tuple[list[Kept], int]:
@@ -152,7 +152,7 @@ def _kept(store: Runs, seeds: range) -> tuple[list[Kept], int]:
 @experiment("ch5-filter", item="Study 1", smoke=SMOKE, book=Config(), seconds=0.08)
 def predictions(config: Config, context: Context) -> list[Prediction]:
     """The filter hypothesis's predictions, with intervals over seeds."""
-    shares, left_out = _kept(read_runs(config.store), range(FRESH.start))
+    shares, left_out = _kept(config.runs(), range(FRESH.start))
     table = pd.DataFrame(shares, columns=list(Kept.__annotations__))
     rng = np.random.default_rng(context.seeds(1)[0])
     by_arm = {

@@ -18,8 +18,8 @@ from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5 import cells
 from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS, Cells
 from thesis_lib.chapter5.contrasts import SMOKE, Config
-from thesis_lib.chapter5.judging import Evidence, both, together
-from thesis_lib.chapter5.runs import CELL, DEFAULT, ENOUGH, PRINTED_STEPS, Runs, read_runs
+from thesis_lib.chapter5.judging import Evidence, both, minus, together
+from thesis_lib.chapter5.runs import CELL, DEFAULT, ENOUGH, PRINTED_STEPS, Runs
 from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.robustness import PERTURBATIONS, TRAINED_ON, retained
@@ -60,7 +60,7 @@ class Effect:
 def effects(config: Config, context: Context) -> list[Effect]:
     """Differences of differences by training on hills, printed and ours."""
     a, b, c = (np.random.default_rng(s) for s in context.seeds(3))
-    store = read_runs(config.store)
+    store = config.runs()
     printed = cells.printed(tuple(cells.TESTED.values()), a, config.resamples)
     ours = cells.from_tests(store, b, config.resamples)
     return [*_rises(printed), *_rises(ours), *_losses(store, c, config.resamples)]
@@ -166,6 +166,24 @@ def _above_zero(table: pd.DataFrame, source: str, name: str, what: str) -> Evide
         sentence += f"; with the {row.robots} robots as the unit p = {row.p_tasks:.2g}"
     depth = int(row.units), int(row.robots), bool(row.printed_budget)
     return Evidence(verdict, f"{sentence}.", *depth)
+
+
+def reading(table: pd.DataFrame) -> str:
+    """What zeroing memory, and the last action that recurrent nets read, does in the test."""
+    told = []
+    for name in INTERVENTIONS:
+        rows = table[(table.source == "ours") & (table.name == name)]
+        if rows.empty:
+            told.append(f"Policies with {name} have not been tested yet.")
+            continue
+        row = rows.iloc[0]
+        interval = "" if np.isnan(row.low) else f" [{row.low:+.2f}, {row.high:+.2f}]"
+        told.append(
+            f"With {name} the loss of regular return of hill-trained RNNs, less that of "
+            f"flat-trained ones, is {minus(f'{row.value:+.2f}{interval}')} on a logarithmic scale "
+            f"({row.robots} robots, {row.units} seeds or more)."
+        )
+    return " ".join(told)
 
 
 @both("5.7-pomdp-transfer", effects)

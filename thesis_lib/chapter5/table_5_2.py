@@ -36,7 +36,7 @@ from thesis_lib.chapter5.judging import (
     leads,
     pick,
 )
-from thesis_lib.chapter5.runs import ENOUGH, read_runs
+from thesis_lib.chapter5.runs import ENOUGH
 from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
@@ -53,7 +53,7 @@ NEAR = 0.2
 @experiment("table-5.2", item="Table 5.2", smoke=Config(), book=Config(), seconds=0.1)
 def entries(config: Config, context: Context) -> list[Cell]:
     """Mean return per learning iteration, printed and ours, by robot, ground and net."""
-    runs = read_runs(config.store).learning().rename(columns={"mean_return": "value"})
+    runs = config.runs().learning().rename(columns={"mean_return": "value"})
     return beside("table-5.2", runs, LEARNING_RUNS)
 
 

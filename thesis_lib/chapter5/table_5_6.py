@@ -17,7 +17,7 @@ from thesis_lib.chapter5 import cells
 from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS, TESTED, Cells
 from thesis_lib.chapter5.contrasts import SMOKE, Config
 from thesis_lib.chapter5.judging import ALPHA, Evidence, both, of_rows, together
-from thesis_lib.chapter5.runs import ENOUGH, read_runs
+from thesis_lib.chapter5.runs import ENOUGH
 from thesis_lib.edition.criteria import graded, judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
@@ -105,7 +105,7 @@ def ratios(config: Config, context: Context) -> list[Ratio]:
         for formula in FORMULAS:
             rows += _ratios(made, formula, factor)
     rng = np.random.default_rng(seeds[1])
-    ours = cells.from_tests(read_runs(config.store), rng, config.resamples)
+    ours = cells.from_tests(config.runs(), rng, config.resamples)
     return [*rows, *_ratios(ours, RETAINED, 1.0)]
 
 

@@ -13,12 +13,11 @@ directory, so that a notebook runs the same in Jupyter, under papermill and in t
 
 from __future__ import annotations
 
-import ast
 import os
 import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import ModuleType
 from typing import Any
 
@@ -43,15 +42,9 @@ from thesis_lib.edition.ledger import (
     OverRoots,
     finding,
 )
+from thesis_lib.edition.parameters import check_injected
 from thesis_lib.edition.plots import use_style
 from thesis_lib.edition.words import brief, parted, plain, typeset
-from thesis_lib.imports import parsed
-
-#: First line of the cell in which papermill assigns the parameters it was given.
-_INJECTED = "# Parameters"
-
-#: What papermill adds by itself when asked to (``--inject-paths`` and its like).
-_OF_PAPERMILL = ("PAPERMILL_INPUT_PATH", "PAPERMILL_OUTPUT_PATH")
 
 #: Environment variable by which the build says where tables go.
 RESULTS_VARIABLE = "THESIS_RESULTS"
@@ -95,66 +88,6 @@ class _Rendered:
 
     def __repr__(self) -> str:
         return self.myst
-
-
-def assigned_names(source: str) -> list[str]:
-    """Names assigned at the top level of a cell, in order.
-
-    Parameters
-    ----------
-    source
-        Python source of one code cell.
-
-    Returns
-    -------
-    list of str
-        Targets of plain and annotated assignments; empty if the cell is not plain Python
-        (an IPython magic, for example).
-    """
-    try:
-        tree = parsed(source)
-    except SyntaxError:
-        return []
-    names = []
-    for node in tree.body:
-        targets: list[ast.expr] = []
-        if isinstance(node, ast.Assign):
-            targets = list(node.targets)
-        elif isinstance(node, ast.AnnAssign):
-            targets = [node.target]
-        names += [target.id for target in targets if isinstance(target, ast.Name)]
-    return names
-
-
-def check_parameters(given: Iterable[str], allowed: Iterable[str]) -> None:
-    """Refuse parameter names that the notebook does not have.
-
-    Raises
-    ------
-    ValueError
-        If a given name is not among the allowed ones.
-    """
-    allowed = list(allowed)
-    unknown = [name for name in given if name not in allowed]
-    if unknown:
-        raise ValueError(
-            f"unknown parameter {', '.join(map(repr, unknown))}; this notebook takes "
-            f"{', '.join(allowed)}."
-        )
-
-
-def _check_injected(history: Iterable[str]) -> None:
-    """Compare the names papermill injected with those of the cell above them.
-
-    papermill itself only logs a name it does not know, so a typing error would go unseen.
-    """
-    parameters: list[str] = []
-    for source in history:
-        names = assigned_names(source)
-        if source.startswith(_INJECTED):
-            check_parameters(names, [*parameters, *_OF_PAPERMILL])
-        elif "budget" in names:
-            parameters = names
 
 
 def table(
@@ -262,6 +195,8 @@ class Page:
         table at the thesis's budget where the page's has fewer runs.
     over
         Committed verdicts over roots, by claim.
+    chosen
+        By class of configs, the fields in which they differ from the budget's (:meth:`choose`).
     """
 
     budget: str
@@ -272,12 +207,34 @@ class Page:
     differences: dict[str, Difference] = field(default_factory=dict, repr=False)
     tables: dict[str, pd.DataFrame] = field(default_factory=dict, repr=False)
     over: Mapping[str, OverRoots] = field(default_factory=dict, repr=False)
+    chosen: dict[type, dict[str, Any]] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         check_budget(self.budget)
         check_seed(self.seed)
         if isinstance(self.workers, bool) or not isinstance(self.workers, int) or self.workers < 1:
             raise ValueError(f"workers is {self.workers!r}; give an integer of at least 1.")
+
+    def choose(self, config: type, **values: Any) -> None:
+        """Replace fields in the configs of one class, from here on.
+
+        What is run with other values than the budget's is shown and judged here, and not stored.
+
+        Parameters
+        ----------
+        config
+            Class of the configs, such as ``contrasts.Config``.
+        values
+            By the name of the field.
+        """
+        self.chosen.setdefault(config, {}).update(values)
+
+    def _config(self, experiment: Experiment[Any]) -> Any:
+        """The budget's config with the fields chosen; None where they change nothing."""
+        usual = experiment.config(self.budget)
+        chosen = self.chosen.get(type(usual), {})
+        changed = {name: value for name, value in chosen.items() if value != vars(usual)[name]}
+        return replace(usual, **changed) if changed else None
 
     def run(self, experiment: Experiment[Any], config: Any = None) -> pd.DataFrame:
         """Run an experiment at the page's budget, seed and workers, and return its table.
@@ -292,10 +249,13 @@ class Page:
         config
             Replaces the budget's config; such a run is shown and not stored.
         """
-        result = experiment.run(self.budget, config=config, seed=self.seed, workers=self.workers)
+        chosen = self._config(experiment) if config is None else config
+        result = experiment.run(self.budget, config=chosen, seed=self.seed, workers=self.workers)
         # Outside a build nothing is stored: a reader's run with another seed must not become
         # the evidence of the shipped ledger.
-        if config is None:
+        if config is None and chosen is not None:
+            self.tables[experiment.id] = result.table
+        elif config is None:
             self.tables[experiment.id], _ = deepest(result.table, result.provenance)
             if directory := os.environ.get(RESULTS_VARIABLE):
                 result.save(directory)
@@ -424,7 +384,7 @@ def start(
         raise ValueError(
             f"the parameters cell did not set {', '.join(missing)}; run it before this cell."
         )
-    _check_injected(namespace.get("In", ()))
+    check_injected(namespace.get("In", ()))
     page = Page(
         *(namespace["budget"], namespace["seed"], namespace["workers"], chapter),
         over=roots.read(),
