@@ -98,7 +98,7 @@ class ExactRelevance(BackwardElimination):
     def _test(self, call: Call) -> Test:
         D = check_distribution(self.distribution, call.solutions.n_tasks)
         share = probability("tolerance", self.tolerance)
-        if np.isfinite(self.k):
+        if self.k != np.inf:
             check_lengths(self.k)
         total = self._explained(call.ground, D)
         full = total - self._explained(call.ground.keep(()), D)
