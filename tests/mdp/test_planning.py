@@ -287,6 +287,13 @@ class TestSoft:
         uniform = evaluate(mdp, np.full((5, 3), 1 / 3))
         np.testing.assert_allclose(soft_policy_iteration(mdp, 1.0).q, uniform.q)
 
+    def test_one_action_is_taken_however_it_explores(self):
+        # 1 / (1 - gamma) on from each state; epsilon_greedy and learn take it so as well.
+        task = TabularMDP(np.eye(2)[::-1][:, None], np.ones((2, 1)), [1, 0], None, 0.9)
+        found = soft_policy_iteration(task, 0.3, exploration="others")
+        np.testing.assert_allclose(found.v, 10.0)
+        np.testing.assert_array_equal(found.policy, 1.0)
+
     def test_values_fall_as_exploration_grows(self):
         mdp = random_mdp(6)
         values = [soft_policy_iteration(mdp, e).v for e in (0, 0.1, 0.3, 0.7)]
