@@ -500,7 +500,7 @@ def test_perturbations_combine():
         (lambda: ActionDelay(1.5), "steps is 1.5"),
         (
             lambda: TerrainSwitch(preset="ours"),
-            "preset is 'ours', but it must be one of author, text",
+            "preset 'ours' does not exist: choose one of author, text",
         ),
         (lambda: Push((1.0, 0.0, 0.0), steps=0), "steps is 0"),
         (lambda: Push((1.0, 0.0, 0.0), steps=5, every=4), "every is 4"),

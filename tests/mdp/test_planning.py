@@ -176,7 +176,7 @@ class TestValueIteration:
     @pytest.mark.parametrize(
         ("options", "words"),
         [
-            ({"tolerance": 0}, "tolerance is 0, but it must be a number above 0"),
+            ({"tolerance": 0}, "tolerance is 0, but it must be positive"),
             ({"max_sweeps": 0}, "max_sweeps is 0"),
             ({"initial_v": np.zeros(3)}, r"initial_v has shape \(3,\)"),
             ({"initial_v": np.full(5, np.nan)}, "initial_v of state 0 is nan"),

@@ -14,17 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import FloatArray, IntArray
+from thesis_lib.checks import one_of, positive_integer, positive_number, probability
 from thesis_lib.compiled import njit
-from thesis_lib.mdp.checks import (
-    one_of,
-    policy_matrix,
-    positive_integer,
-    positive_number,
-    probability,
-    require_mdp,
-    state_values,
-    table,
-)
+from thesis_lib.mdp.checks import policy_matrix, require_mdp, state_values, table
 from thesis_lib.mdp.evaluation import (
     Values,
     evaluate,

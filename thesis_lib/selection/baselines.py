@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import FloatArray
-from thesis_lib.mdp.checks import generator, probability
+from thesis_lib.checks import generator, probability
 from thesis_lib.relevance.cells import Cells, FeatureCells
 from thesis_lib.relevance.exact import check_distribution, check_lengths, explained, limit
 from thesis_lib.relevance.solutions import Solutions
