@@ -84,7 +84,7 @@ class Recorder:
 
 
 def two_episodes(rewards: tuple[float, ...]) -> Rollouts:
-    packing = Packing.from_mask(np.ones((2, 2), dtype=bool))
+    packing = Packing(np.array([2, 2]))
     return Rollouts(
         packing=packing,
         observations=np.zeros((4, 1)),
