@@ -18,12 +18,10 @@ from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion, effect_of
 from thesis_lib.published import TASKS
 from thesis_lib.published import load as published
+from thesis_lib.training.trained import LAST
 
 SETTINGS = ("task", "architecture", "sensors", "time_constant", "head_scale", "delta_kl")
 """What tells the runs of a row from others, seeds apart."""
-
-LAST = 5
-"""Iterations whose mean return says how far a run has come."""
 
 
 @dataclass(frozen=True)
