@@ -154,7 +154,7 @@ def _plain_as(kind: Any, name: str, value: Any) -> Any:
         allowed = typing.get_args(kind)
         if not any(type(value) is type(one) and value == one for one in allowed):
             words = ", ".join(map(str, allowed))
-            raise ValueError(f"{name} is {shown(value)}, but it must be one of {words}.")
+            raise ValueError(f"{name} {shown(value)} does not exist: choose one of {words}.")
     elif kind in _KINDS:
         accepted, words = _KINDS[kind]
         right = isinstance(value, accepted) and isinstance(value, bool) == (kind is bool)

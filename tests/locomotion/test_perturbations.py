@@ -486,7 +486,7 @@ def test_perturbations_combine():
         (lambda: SensorSubset(("z", "z")), "only once"),
         (lambda: SensorFailure(("z",), np.inf), "reading is inf"),
         (lambda: batch("Hopper", 1, SensorFailure(("knee",))), "no sensor 'knee'"),
-        (lambda: occlusion("Ant", "thesis"), "one of 'text', 'literal', 'code'"),
+        (lambda: occlusion("Ant", "thesis"), "one of text, literal, code"),
         (lambda: ActuatorFailure((0,), 1.5), "factor is 1.5"),
         (lambda: ActionDelay(0), "steps is 0"),
         (lambda: MassChange(0.0), "factor is 0.0"),
