@@ -313,7 +313,7 @@ class TestSoft:
             (1.5, "all", "epsilon is 1.5"),
             (-0.1, "all", "epsilon is -0.1"),
             (0.7, "others", "epsilon is 0.7.*at most 0.666667"),
-            (0.1, "none", "exploration is 'none'"),
+            (0.1, "none", "exploration 'none' does not exist"),
         ],
     )
     def test_bad_arguments(self, epsilon, exploration, words):
