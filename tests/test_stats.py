@@ -66,6 +66,15 @@ def test_welch_of_constant_samples():
     assert stats.welch([1, 1], [2, 2]).p_value == 0.0
 
 
+@pytest.mark.parametrize("bad", [(1.0, 0.5, 1), (1.0, np.nan, 5), (1.0, -0.5, 5)])
+def test_welch_needs_a_deviation_of_two_values(bad):
+    for pair in ((stats.Summary(*bad), [1.0, 2.0]), ([1.0, 2.0], stats.Summary(*bad))):
+        with pytest.raises(ValueError, match=f"a sample of {bad[2]} values has standard deviation"):
+            stats.welch(*pair)
+        with pytest.raises(ValueError, match="at least 2 values and a deviation of at least 0"):
+            stats.equivalence(*pair, 1.0)
+
+
 def test_equivalence_agrees_with_its_interval():
     rng = np.random.default_rng(1)
     for _ in range(50):

@@ -1,4 +1,4 @@
-"""Settings from outside: what they may be, as Python's own numbers and text."""
+"""Arguments and settings from outside: what they may be, as Python's own numbers and text."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import math
 import textwrap
 import types
 import typing
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from functools import cache
 from numbers import Integral, Real
 from pathlib import Path
@@ -17,6 +17,8 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 ConfigT = TypeVar("ConfigT")
+
+Choice = TypeVar("Choice", bound=str)
 
 _KINDS: Mapping[type, tuple[Any, str]] = {
     bool: (bool, "True or False"),
@@ -38,6 +40,56 @@ def check_seed(seed: int) -> int:
             f"seed is {shown(seed)}, but a seed must be an integer of at least 0 and below 2**64."
         )
     return int(seed)
+
+
+def generator(rng: np.random.Generator | int) -> np.random.Generator:
+    """Turn a seed into a generator, and let a generator through.
+
+    Parameters
+    ----------
+    rng
+        A NumPy generator, or a seed: an integer of at least 0.
+
+    Raises
+    ------
+    ValueError
+        When the seed is negative or no integer.
+    """
+    if isinstance(rng, np.random.Generator):
+        return rng
+    if isinstance(rng, bool) or not isinstance(rng, (int, np.integer)) or rng < 0:
+        raise ValueError(
+            f"rng is {rng!r}, but it must be a numpy Generator or a seed, an integer of at least 0."
+        )
+    return np.random.default_rng(int(rng))
+
+
+def one_of(name: str, value: Choice, allowed: Collection[Choice]) -> Choice:
+    """Return ``value`` if it is one of ``allowed``, and raise ValueError otherwise."""
+    if value not in allowed:
+        raise ValueError(f"{name} {value!r} does not exist: choose one of {', '.join(allowed)}.")
+    return value
+
+
+def positive_integer(name: str, value: int) -> int:
+    """Return ``value`` if it is an integer of at least 1, and raise ValueError otherwise."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+        raise ValueError(f"{name} is {value!r}, but it must be an integer of at least 1.")
+    return int(value)
+
+
+def probability(name: str, value: float) -> float:
+    """Return ``value`` if it is in [0, 1], and raise ValueError otherwise."""
+    if not 0.0 <= value <= 1.0:
+        raise ValueError(f"{name} is {value}, but it must be in [0, 1].")
+    return float(value)
+
+
+def positive_number(name: str, value: float) -> float:
+    """Return ``value`` if it is finite and above 0, and raise ValueError otherwise."""
+    if not 0.0 < value < np.inf:
+        raise ValueError(f"{name} is {value}, but it must be positive and finite.")
+    return float(value)
 
 
 def plain_settings(config: Any) -> None:
@@ -102,7 +154,7 @@ def _plain_as(kind: Any, name: str, value: Any) -> Any:
         allowed = typing.get_args(kind)
         if not any(type(value) is type(one) and value == one for one in allowed):
             words = ", ".join(map(str, allowed))
-            raise ValueError(f"{name} is {shown(value)}, but it must be one of {words}.")
+            raise ValueError(f"{name} {shown(value)} does not exist: choose one of {words}.")
     elif kind in _KINDS:
         accepted, words = _KINDS[kind]
         right = isinstance(value, accepted) and isinstance(value, bool) == (kind is bool)

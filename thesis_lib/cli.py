@@ -22,9 +22,9 @@ from typing import Annotated, Any
 import tyro
 
 from thesis_lib.checkout import cache_folders, repository_root
-from thesis_lib.checks import ForeseenError, check_seed
+from thesis_lib.checks import ForeseenError, check_seed, one_of
 from thesis_lib.cli_parts import checked, parsed, status, text, unchecked
-from thesis_lib.edition.budgets import BUDGETS, check_budget
+from thesis_lib.edition.budgets import BUDGETS
 from thesis_lib.files import replacing, writable_directory
 
 Budget = Annotated[str, tyro.conf.arg(metavar="{" + ",".join(BUDGETS) + "}")]
@@ -143,7 +143,7 @@ class Claims:
 
     def __call__(self) -> int:
         """Print the ledger."""
-        check_budget(self.budget)
+        one_of("budget", self.budget, BUDGETS)
         if self.seeds and self.confirm:
             raise ValueError(
                 "--seeds judges on every root and --confirm on one: give one of the two."
@@ -244,7 +244,7 @@ class Book:
         """Build the book."""
         from thesis_lib.book.build import build
 
-        check_budget(self.budget)
+        one_of("budget", self.budget, BUDGETS)
         check_seed(self.seed)
         return int(build(budget=self.budget, seed=self.seed, only=self.only) or 0)
 

@@ -14,6 +14,7 @@ import pandas as pd
 import tyro
 
 from thesis_lib.checkout import repository_root
+from thesis_lib.checks import one_of
 from thesis_lib.cli_parts import checked, status, text, unchecked
 from thesis_lib.edition.words import several
 from thesis_lib.files import replacing, writable_directory
@@ -30,7 +31,7 @@ from thesis_lib.training.grid import GRID, GRID_COLUMNS, Grid, key, run_name
 from thesis_lib.training.merge import merge
 from thesis_lib.training.plan import CORES, cost, makespan, memory, plan
 from thesis_lib.training.store import Store
-from thesis_lib.training.suite import SuiteConfig, best, check_kept, check_rule, evaluate_all
+from thesis_lib.training.suite import RULES, SuiteConfig, best, check_kept, evaluate_all
 from thesis_lib.training.suite import write as write_tests
 from thesis_lib.training.train import TerminalReport, default_directory, train
 from thesis_lib.training.trained import Trained, TrainedPolicies, read_trained
@@ -253,7 +254,7 @@ class TestPolicies:
     def __call__(self, command: str = "thesis test-policies") -> int:
         """Test them; ``command`` goes into the record."""
         config = checked(SuiteConfig, self.settings)
-        check_rule(self.rule)
+        one_of("rule", self.rule, RULES)
         out = writable_directory(self.out or repository_root() / "_build" / "results" / "tests")
         names = self.names or None
         if names is not None:

@@ -82,12 +82,12 @@ def alone(
         That while, in seconds.
     """
     handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR | os.O_CREAT, 0o666)
-    told = time.monotonic() + patience
+    patient_until = time.monotonic() + patience
     try:
         while not _taken(handle):
-            if time.monotonic() >= told:
+            if time.monotonic() >= patient_until:
                 busy()
-                told = math.inf
+                patient_until = math.inf
             time.sleep(0.2)
         yield
     finally:

@@ -40,6 +40,8 @@ from typing import Any, Literal, TypeVar
 
 import gymnasium
 
+from thesis_lib.checks import one_of
+
 Kind = Literal["architecture", "domain", "robot", "perturbation"]
 T = TypeVar("T")
 
@@ -100,10 +102,7 @@ def find(kind: Kind, name: str, built_in: Mapping[str, T]) -> T:
     if name in built_in:
         return built_in[name]
     offered = offers(kind)
-    if name not in offered:
-        raise ValueError(
-            f"{kind} {name!r} does not exist: choose one of {', '.join([*built_in, *offered])}."
-        )
+    one_of(kind, name, [*built_in, *offered])
     try:
         found: T = offered[name].load()
     except Exception as error:

@@ -106,6 +106,12 @@ class Summary:
 
 def _welch(a: Summary, b: Summary) -> tuple[float, float, float]:
     """Difference of means, its standard error, and Welch's degrees of freedom."""
+    for sample in (a, b):
+        if sample.n < 2 or not sample.sd >= 0:
+            raise ValueError(
+                f"a sample of {sample.n} values has standard deviation {sample.sd}, but Welch's "
+                "test needs at least 2 values and a deviation of at least 0; give more runs."
+            )
     u, v = a.sd**2 / a.n, b.sd**2 / b.n
     dof = (u + v) ** 2 / (u**2 / (a.n - 1) + v**2 / (b.n - 1)) if u + v > 0 else np.inf
     return a.mean - b.mean, float(np.sqrt(u + v)), float(dof)

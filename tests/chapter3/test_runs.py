@@ -94,5 +94,5 @@ def test_a_potential_draws_the_learner_towards_what_it_values():
 
 
 def test_unknown_potential_is_named():
-    with pytest.raises(ValueError, match="choose from none, Q_star"):
+    with pytest.raises(ValueError, match="choose one of none, Q_star"):
         runs.named_potentials(continuing_cliff(), ["Q"], epsilon=0.1, mu=runs.MuSearch(), seed=0)

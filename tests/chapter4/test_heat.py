@@ -146,9 +146,9 @@ class TestFeatureSpace:
         np.testing.assert_allclose(sources.mean(axis=0), [5, 5], atol=0.65)
 
     def test_bad_options_are_one_sentence(self):
-        with pytest.raises(ValueError, match="layout is 'hexagons'"):
+        with pytest.raises(ValueError, match="layout 'hexagons' does not exist"):
             HeatSpace(layout="hexagons")
-        with pytest.raises(ValueError, match="weighting is 'none'"):
+        with pytest.raises(ValueError, match="weighting 'none' does not exist"):
             HeatSpace(weighting="none")
 
 
@@ -233,7 +233,7 @@ class TestProtocol:
         start = cross_task_weights([one, two], SHORT.coding)
         three = SHORT.learn(tasks[2], rng, initial_weights=start)
         np.testing.assert_allclose(shaped[2].weights, three.weights)
-        with pytest.raises(ValueError, match="lessons is 'none'"):
+        with pytest.raises(ValueError, match="lessons 'none' does not exist"):
             heat_runs.learn_in_turn(SHORT, tasks, rng, "none")
 
     def test_levels_of_noise_share_their_tasks(self):

@@ -102,7 +102,7 @@ def test_without_runs_nothing_is_reproduced(claim, printed):
         ("5.5.1-vanilla-over-gated", "bear it out: vanilla RNNs less gated RNNs +0.13"),
         ("5.5.2-noise-flat", "in direction only: CTRNN less ESN +0.061"),
         ("5.5.2-noise-hill", "in direction only: CTRNN less DTRNN +0.188"),
-        ("1.4-ctrnn-noise", "deny it: trained on flat: CTRNN less DFFWD −0.05"),
+        ("1.4-ctrnn-noise", "deny it: trained on flat: CTRNN less DFFWD -0.05"),
         ("5.5.2-switch-flat-fnn", "bear it out: DFFWD less CTRNN +0.109"),
         ("5.5.2-hopper-worst", "bear it out"),
         ("5.5.2-cheetah-robust", "in direction only"),

@@ -61,8 +61,8 @@ def test_episodes_of_the_last_batches_are_pooled() -> None:
 def test_tables_have_the_order_of_the_page() -> None:
     table = nine_networks.shown(curves(), last=1).set_index("network")
     assert list(table.columns) == ["Swimmer", "Ant"]
-    assert table.Ant["DTRNN"] == "−10 → **40**"
-    assert table.Ant["ESN"] == "−10 → −10"
+    assert table.Ant["DTRNN"] == "-10 → **40**"
+    assert table.Ant["ESN"] == "-10 → -10"
     assert nine_networks.times(curves()).set_index("network").Ant["ESN"] == "15 (20)"
 
 
@@ -181,7 +181,7 @@ def test_another_library_is_compared_by_welch() -> None:
             assert (row.low, row.high) == pytest.approx((interval.low, interval.high))
     shown = peers.shown(table)
     assert len(shown) == 6  # three learners of ours, at the end and over the curve
-    assert shown["difference (95%)"].str.startswith("−").sum() == 4
+    assert shown["difference (95%)"].str.startswith("-").sum() == 4
 
 
 def test_figures_of_comparisons_draw_every_learner_and_setting() -> None:

@@ -97,7 +97,7 @@ def test_what_is_measured_is_told() -> None:
     other = row | {"changed": "gae_lambda=0.9"}
     told = options.measured(pd.DataFrame([row]), "gru", "bootstrap=True")
     assert "`bootstrap=True` for the GRU on HalfCheetah: over 2 iterations of 4,000 steps" in told
-    assert "is −7 instead of 3, a difference of −10 (95% interval −12 to −8, 2 seeds" in told
+    assert "is -7 instead of 3, a difference of -10 (95% interval -12 to -8, 2 seeds" in told
     assert told.endswith("p = 0.01).")
     both = options.measured(pd.DataFrame([row, other]), "gru", "bootstrap=True")
     assert both.endswith("p = 0.01, 0.02 after Holm for the 2 options tried).")

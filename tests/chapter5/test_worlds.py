@@ -274,7 +274,7 @@ def test_recovery_is_judged_on_both_sides(after, spread, verdict) -> None:
 def test_statements_on_the_score_are_exact() -> None:
     """By hand: r = (1, -1/2) scores 1 - 3/2 = -1/2; the others are arithmetic too."""
     assert judged("5.3-score-range") == Verdict.REFUTED
-    assert "−0.50" in BY_ID["5.3-score-range"].judge({}).evidence
+    assert "-0.50" in BY_ID["5.3-score-range"].judge({}).evidence
     for name in ("5.3-score-one", "5.3-score-others", "5.3-self-scoring", "5.3-slowing"):
         assert judged(name) == Verdict.REPRODUCED
 

@@ -168,7 +168,7 @@ def test_bad_input_is_one_sentence():
     domain = figure_a1()
     with pytest.raises(ValueError, match="terminal states, and so no stationary distribution"):
         state_values(domain, policy(domain, 0.5), "occupancy")
-    with pytest.raises(ValueError, match="weighting is 'even'"):
+    with pytest.raises(ValueError, match="weighting 'even' does not exist"):
         state_values(domain, policy(domain, 0.5), "even")
     with pytest.raises(ValueError, match=r"weighting has shape \(2,\)"):
         state_values(domain, policy(domain, 0.5), [0.5, 0.5])
@@ -178,7 +178,7 @@ def test_bad_input_is_one_sentence():
         policy(domain, 1.2)
     with pytest.raises(ValueError, match=r"discount is 1\.0"):
         figure_a2(discount=1.0)
-    with pytest.raises(ValueError, match="second is 'd'"):
+    with pytest.raises(ValueError, match="second 'd' does not exist"):
         figure_a2("d")
     with pytest.raises(ValueError, match="penalty is 0"):
         figure_a1(0)

@@ -154,6 +154,9 @@ class TestErrors:
             pair().scatter(np.ones((3, 1)), 0)
         with pytest.raises(ValueError, match="table of task '1' has shape"):
             pair().gather([np.ones((2, 1)), np.ones((2, 1))])
+        for n in (1, 3):
+            with pytest.raises(ValueError, match=f"{n} tables were given, but domain .* has 2 tas"):
+                pair().gather(iter([np.ones((2, 1)), np.ones((3, 1)), np.ones((3, 1))][:n]))
 
     def test_weights_over_pairs(self):
         domain = pair()

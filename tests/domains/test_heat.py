@@ -209,7 +209,7 @@ class TestSarsa:
             sarsa_lambda(task, rng=0, alpha=1.5)
         with pytest.raises(ValueError, match="episodes is 0"):
             sarsa_lambda(task, rng=0, episodes=0)
-        with pytest.raises(ValueError, match="traces is 'dutch'"):
+        with pytest.raises(ValueError, match="traces 'dutch' does not exist"):
             sarsa_lambda(task, rng=0, traces="dutch")
         with pytest.raises(ValueError, match=r"epsilon is -0\.1"):
             sarsa_lambda(task, rng=0, epsilon=-0.1)
@@ -284,7 +284,7 @@ class TestEnvironment:
             HeatWorld(radius=6.0)
         with pytest.raises(ValueError, match=r"slip is -0\.1"):
             HeatWorld(slip=-0.1)
-        with pytest.raises(ValueError, match="intensity is 'cubic'"):
+        with pytest.raises(ValueError, match="intensity 'cubic' does not exist"):
             HeatWorld(intensity="cubic")
         env = HeatEnv()
         with pytest.raises(gymnasium.error.ResetNeeded):

@@ -151,10 +151,10 @@ def test_bad_input_is_one_sentence():
     with pytest.raises(ValueError, match=r"global_factors is 1\.5"):
         stock(1, 2, 1.5)
     with pytest.raises(
-        ValueError, match="reward_timing is 'now', but it must be one of after_next"
+        ValueError, match="reward_timing 'now' does not exist: choose one of after_next"
     ):
         stock(reward_timing="now")
-    with pytest.raises(ValueError, match="influence is 'some'"):
+    with pytest.raises(ValueError, match="influence 'some' does not exist"):
         stock(influence="some")
     with pytest.raises(ValueError, match=r"discount is 1\.5"):
         stock(discount=1.5)

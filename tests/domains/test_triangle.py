@@ -63,7 +63,7 @@ def test_state_value_is_minus_the_distance():
 
 
 def test_bad_options_are_one_sentence():
-    with pytest.raises(ValueError, match="shape is 'cube', but it must be one of ring, line"):
+    with pytest.raises(ValueError, match="shape 'cube' does not exist: choose one of ring, line"):
         triangle(shape="cube")
     with pytest.raises(ValueError, match=r"start has shape \(2,\)"):
         triangle(start=[0.5, 0.5])

@@ -680,7 +680,7 @@ def test_planar_robots_stay_in_their_plane(name):
         ({"task": "Snake"}, "robot 'Snake' does not exist"),
         ({"threads": -1}, "threads is -1"),
         ({"max_episode_steps": 0}, "max_episode_steps is 0"),
-        ({"bad_actions": "ignore"}, "bad_actions is 'ignore'"),
+        ({"bad_actions": "ignore"}, "bad_actions 'ignore' does not exist"),
         ({"seed": -1}, "seed is -1"),
         ({"seed": [1]}, "There are 1 seeds for 2 worlds"),
         ({"terrain": [Bumps()]}, "There are 1 terrains for 2 worlds"),

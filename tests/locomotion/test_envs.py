@@ -356,7 +356,7 @@ def test_environments_can_be_pickled_by_their_spec():
         ({"dificulty": 1.0}, "There is no option 'dificulty'; the options are robot, reading"),
         ({"sensors": ("nose",)}, "nose"),
         ({"noise": -1.0}, "sigma is -1"),
-        ({"reading": "book"}, "no reading 'book'"),
+        ({"reading": "book"}, "reading 'book' does not exist"),
     ],
 )
 def test_bad_options(arguments, message):

@@ -280,9 +280,12 @@ def test_start_configuration_is_inside_the_limits(name):
         ({"name": "Humanoid"}, "robot 'Humanoid' does not exist"),
         (
             {"name": "Ant", "reading": "thesis"},
-            "no reading 'thesis'; choose 'code', 'text' or 'duan'",
+            "reading 'thesis' does not exist: choose one of code, text, duan",
         ),
-        ({"name": "Ant", "termination": "eval"}, "no termination 'eval'; choose 'train', 'test'"),
+        (
+            {"name": "Ant", "termination": "eval"},
+            "termination 'eval' does not exist: choose one of train, test",
+        ),
         ({"name": "Ant", "control_cost": np.nan}, "control_cost is nan"),
         ({"name": "Hopper", "alive_bonus": np.inf}, "alive_bonus is inf"),
     ],

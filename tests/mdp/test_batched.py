@@ -71,7 +71,7 @@ def test_a_long_budget_of_episodes_fills_the_records_more_than_once():
         ({"episodes": 3}, "both of episodes and steps"),
         ({"steps": 0}, "steps"),
         ({"alpha": 1.5}, "alpha is 1.5"),
-        ({"method": "td"}, "method is 'td'"),
+        ({"method": "td"}, "method 'td' does not exist"),
         ({"index": [np.zeros(3, int)]}, r"index 0 has shape \(3,\)"),
         ({"index": []}, "1 tasks and 0 indices"),
         ({"steps": None, "episodes": 3}, "no terminal state"),

@@ -108,7 +108,7 @@ def test_bad_use():
         env.reset(options={"state": 2})
     with pytest.raises(ValueError, match="render_mode is 'human'"):
         TabularEnv(chain(2), render_mode="human")
-    with pytest.raises(ValueError, match="observation is 'pixels'"):
+    with pytest.raises(ValueError, match="observation 'pixels' does not exist"):
         TabularEnv(chain(2), observation="pixels")
 
 

@@ -41,6 +41,6 @@ def test_epsilon_must_be_a_probability(epsilon):
 
 def test_unknown_exploration():
     with pytest.raises(
-        ValueError, match="exploration is 'some', but it must be one of all, others"
+        ValueError, match="exploration 'some' does not exist: choose one of all, others"
     ):
         epsilon_greedy(Q, 0.1, exploration="some")

@@ -176,7 +176,7 @@ class TestValueIteration:
     @pytest.mark.parametrize(
         ("options", "words"),
         [
-            ({"tolerance": 0}, "tolerance is 0, but it must be a number above 0"),
+            ({"tolerance": 0}, "tolerance is 0, but it must be positive"),
             ({"max_sweeps": 0}, "max_sweeps is 0"),
             ({"initial_v": np.zeros(3)}, r"initial_v has shape \(3,\)"),
             ({"initial_v": np.full(5, np.nan)}, "initial_v of state 0 is nan"),
@@ -287,6 +287,13 @@ class TestSoft:
         uniform = evaluate(mdp, np.full((5, 3), 1 / 3))
         np.testing.assert_allclose(soft_policy_iteration(mdp, 1.0).q, uniform.q)
 
+    def test_one_action_is_taken_however_it_explores(self):
+        # 1 / (1 - gamma) on from each state; epsilon_greedy and learn take it so as well.
+        task = TabularMDP(np.eye(2)[::-1][:, None], np.ones((2, 1)), [1, 0], None, 0.9)
+        found = soft_policy_iteration(task, 0.3, exploration="others")
+        np.testing.assert_allclose(found.v, 10.0)
+        np.testing.assert_array_equal(found.policy, 1.0)
+
     def test_values_fall_as_exploration_grows(self):
         mdp = random_mdp(6)
         values = [soft_policy_iteration(mdp, e).v for e in (0, 0.1, 0.3, 0.7)]
@@ -306,7 +313,7 @@ class TestSoft:
             (1.5, "all", "epsilon is 1.5"),
             (-0.1, "all", "epsilon is -0.1"),
             (0.7, "others", "epsilon is 0.7.*at most 0.666667"),
-            (0.1, "none", "exploration is 'none'"),
+            (0.1, "none", "exploration 'none' does not exist"),
         ],
     )
     def test_bad_arguments(self, epsilon, exploration, words):

@@ -20,7 +20,7 @@ from thesis_lib.optimisation import (
     collect,
 )
 from thesis_lib.optimisation.problem import Batch
-from thesis_lib.policies import ARCHITECTURES, DEEP_NETS, GaussianPolicy, make_policy
+from thesis_lib.policies import ARCHITECTURES, DEEP_NETS, GaussianPolicy, Packing, make_policy
 
 
 def learn(
@@ -84,11 +84,14 @@ class Recorder:
 
 
 def two_episodes(rewards: tuple[float, ...]) -> Rollouts:
-    return Rollouts.from_padded(
-        np.zeros((2, 2, 1)),
-        np.zeros((2, 2, 1)),
-        np.reshape(rewards, (2, 2)),
-        np.ones((2, 2), dtype=bool),
+    packing = Packing(np.array([2, 2]))
+    return Rollouts(
+        packing=packing,
+        observations=np.zeros((4, 1)),
+        actions=np.zeros((4, 1)),
+        rewards=packing.pack(np.reshape(rewards, (2, 2))),
+        terminated=np.zeros(2, dtype=bool),
+        final_observations=np.zeros((2, 1)),
     )
 
 

@@ -126,18 +126,6 @@ def test_one_episode_in_every_world() -> None:
     assert cut.terminated.tolist() == [False, True, False]
 
 
-def test_padded_arrays_make_the_same_batch() -> None:
-    rollouts, _ = gather([3, 1, 4, 2, 2, 5, 9, 9], num_envs=2, n_steps=10)
-    wide = [
-        np.concatenate([rollouts.padded(n), np.full_like(rollouts.padded(n)[:2], 1e9)])
-        for n in ("observations", "actions", "rewards")
-    ]
-    mask = np.concatenate([rollouts.mask, np.zeros_like(rollouts.mask[:2])])
-    again = Rollouts.from_padded(*wide, mask)
-    for name in ("observations", "actions", "rewards"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(rollouts, name))
-
-
 @pytest.mark.parametrize("name", ["reward", "observation"])
 def test_numbers_that_are_not_finite_stop_the_sampling(name: str) -> None:
     task = ScriptedTask(2, repeat(50))

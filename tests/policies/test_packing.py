@@ -32,7 +32,6 @@ def test_padding_and_back(lengths: list[int]) -> None:
     for b, n in enumerate(lengths):
         np.testing.assert_array_equal(again[:n, b], padded[:n, b])
         assert (again[n:, b] == 0).all()
-    assert Packing.from_mask(packing.mask()).lengths.tolist() == lengths
 
 
 @given(LENGTHS)
@@ -51,11 +50,6 @@ def test_shift_is_the_step_before(lengths: list[int]) -> None:
 def test_an_episode_needs_a_step(lengths: list[int]) -> None:
     with pytest.raises(ValueError, match="at least one step"):
         Packing(np.array(lengths, dtype=int))
-
-
-def test_a_mask_has_no_gap() -> None:
-    with pytest.raises(ValueError, match="column 1 has real steps after padding"):
-        Packing.from_mask([[1, 1], [1, 0], [0, 1]])
 
 
 def test_a_padded_array_must_fit() -> None:

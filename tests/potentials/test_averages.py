@@ -282,6 +282,8 @@ def test_bad_weights(two_tasks, weights, message):
 def test_unknown_weighting(two_tasks):
     with pytest.raises(ValueError, match="choose uniform, start or stationary"):
         potentials.pair_weights(two_tasks, "even")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="for each of 2 tasks, but 1 were given"):
+        potentials.pair_weights(two_tasks, "stationary", [np.full((3, 2), 0.5)])
     with pytest.raises(ValueError, match="needs policies"):
         potentials.pair_weights(two_tasks, "stationary")
 

@@ -119,7 +119,7 @@ def test_genetic_algorithm_is_deterministic_under_a_seed():
 def test_bad_input():
     with pytest.raises(ValueError, match="choose one of start, stationary"):
         CrossTaskProblem(bandits(), "best")  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="choose truncation, tournament or roulette"):
+    with pytest.raises(ValueError, match="choose one of truncation, tournament, roulette"):
         GeneticAlgorithm(selection="luck")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="population 1"):
         GeneticAlgorithm(population=1)

@@ -177,5 +177,7 @@ def test_every_table_is_tidy(table: str) -> None:
 
 
 def test_unknown_table() -> None:
-    with pytest.raises(ValueError, match=r"no published table 'table-9\.9'.*table-3\.1"):
+    with pytest.raises(
+        ValueError, match=r"published table 'table-9\.9' does not exist.*table-3\.1"
+    ):
         load("table-9.9")

@@ -197,7 +197,7 @@ def test_bad_input_is_refused() -> None:
     solutions = tasks(0)
     basis = feature_basis(solutions)
     everything = np.ones(3, dtype=bool)
-    with pytest.raises(ValueError, match="interactions is 'all'"):
+    with pytest.raises(ValueError, match="interactions 'all' does not exist"):
         feature_basis(solutions, "all")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="different p"):
         linear_class(world(0, "weights", 3), basis)

@@ -7,6 +7,7 @@ from tests.relevance.worlds import KINDS, world
 from thesis_lib.domains import Domain, episodic_cliff
 from thesis_lib.mdp.model import TabularMDP
 from thesis_lib.relevance import Solutions, TaskTable, ground, keep, partition, remove
+from thesis_lib.relevance.solutions import encode
 
 FEATURES = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
 NAMES = ("f", "g")
@@ -83,6 +84,15 @@ def test_labels_of_feature_subsets(features: tuple[str, ...], expected: list[int
     assert keep(solutions, features).tolist() == expected
     others = [name for name in NAMES if name not in features]
     assert remove(solutions, others).tolist() == expected
+
+
+@pytest.mark.parametrize(("kind", "end"), [(np.int8, 100), (np.int16, 30_000)])
+def test_narrow_integers_are_told_apart_however_far_apart(kind: type, end: int) -> None:
+    # Differences of up to 2 end are no numbers of this kind.
+    column = np.arange(-end, end + 1, end // 100, dtype=kind)
+    code, sizes = encode(np.tile(column, 80)[:, None])
+    assert sizes == (201,)
+    assert code.tolist() == list(range(201)) * 80
 
 
 def test_labels_follow_large_and_negative_feature_values() -> None:

@@ -188,7 +188,7 @@ def test_a_cell_nobody_visits_takes_the_coarser_value() -> None:
 
 def test_bad_input() -> None:
     solutions = planted(np.random.default_rng(0), 3)
-    with pytest.raises(ValueError, match="weight is 'none'"):
+    with pytest.raises(ValueError, match="weight 'none' does not exist"):
         Shrinkage("none").fit(solutions)  # type: ignore[arg-type]
     for selector in (LeaveOneTaskOut(), Shrinkage()):
         with pytest.raises(ValueError, match="at least 2"):

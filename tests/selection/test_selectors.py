@@ -343,6 +343,8 @@ def test_distribution_decides_what_is_relevant() -> None:
     [
         ({"k": 0}, "at least 1"),
         ({"k": 1.5}, "integers"),
+        ({"k": np.nan}, "k is nan, but"),
+        ({"k": -np.inf}, "k is -inf, but"),
         ({"tolerance": -0.1}, "tolerance is -0.1"),
         ({"distribution": [1.0]}, "each of the 3 tasks"),
     ],

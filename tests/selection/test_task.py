@@ -94,7 +94,7 @@ def test_bad_parameters_are_refused() -> None:
     solutions = two_features((1.0, 2.0))
     with pytest.raises(ValueError, match=r"tolerance is 2"):
         TaskRelevance(2.0).fit(solutions)
-    with pytest.raises(ValueError, match="rule is 'most'"):
+    with pytest.raises(ValueError, match="rule 'most' does not exist"):
         TaskRelevance(rule="most").fit(solutions)  # type: ignore[arg-type]
     constant = Solutions(np.ones((2, 4)), np.full((2, 4), 0.25), FEATURES, ("f", "a"))
     with pytest.raises(ValueError, match="constant"):

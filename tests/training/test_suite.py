@@ -125,9 +125,9 @@ def test_rules_by_hand() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"conditions": ("rain",)}, "conditions 'rain' does not exist: choose among base"),
+        ({"conditions": ("rain",)}, "conditions 'rain' does not exist: choose one of base"),
         ({"conditions": ()}, "but they must be some of base"),
-        ({"policy": "first"}, "policy 'first' does not exist: choose among last, best"),
+        ({"policy": "first"}, "policy 'first' does not exist: choose one of last, best"),
         ({"noise": -1.0}, "sigma is -1.0"),
         ({"correlation_time": -1.0}, "correlation_time is -1.0"),
         ({"termination": "sometimes"}, "termination 'sometimes' does not exist"),

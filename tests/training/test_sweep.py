@@ -399,7 +399,7 @@ def same_tables(one: Path, two: Path) -> None:
 
 
 def test_workers(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="workers is 0, but at least 1"):
+    with pytest.raises(ValueError, match="workers is 0, but it must be an integer"):
         sweep([SMALL], tmp_path, workers=0)
     with pytest.raises(ValueError, match="two runs of the sweep are called 'hopper-flat"):
         sweep([SMALL, SMALL], tmp_path)

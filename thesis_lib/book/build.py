@@ -16,8 +16,8 @@ from thesis_lib.book.execution import Run, Task, execute, finished, last_run, pl
 from thesis_lib.book.pages import generated
 from thesis_lib.book.paths import Paths
 from thesis_lib.book.staging import fingerprint, stage
-from thesis_lib.checks import check_seed
-from thesis_lib.edition.budgets import check_budget
+from thesis_lib.checks import check_seed, one_of
+from thesis_lib.edition.budgets import BUDGETS
 from thesis_lib.files import alone, replacing, write_json
 from thesis_lib.imports import PACKAGE
 
@@ -61,7 +61,7 @@ def build(
         If the budget, the seed or a notebook's name is not one that exists.
     """
     say = say or partial(print, flush=True)
-    paths = Paths.of(check_budget(budget), root, draft=bool(only))
+    paths = Paths.of(one_of("budget", budget, BUDGETS), root, draft=bool(only))
     check_seed(seed)
     paths.build.mkdir(exist_ok=True)
     waiting = partial(say, "Waiting for another build to end ...")

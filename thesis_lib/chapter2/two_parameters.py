@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import FloatArray
 from thesis_lib.edition.experiment import Context
 from thesis_lib.edition.plots import COLOURS
 from thesis_lib.optimisation import (
@@ -111,7 +111,7 @@ def mean_square_state(gain: float, log_std: float) -> float:
     return float(np.mean([float(m) for m in moments]))
 
 
-def fisher(gain: float, log_std: float) -> NDArray[np.float64]:
+def fisher(gain: float, log_std: float) -> FloatArray:
     r"""Exact Fisher information of the policy, shape ``(2, 2)``.
 
     The score is :math:`(zs/\sigma,\; z^2 - 1)` with z standard normal, so that the matrix is

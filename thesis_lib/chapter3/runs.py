@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib import potentials
 from thesis_lib.arrays import FloatArray
+from thesis_lib.checks import one_of
 from thesis_lib.domains import Domain, continuing_cliff, episodic_cliff, stock, triangle
 from thesis_lib.edition.criteria import Pair, summary
 from thesis_lib.edition.experiment import Context, Returns, returns
@@ -128,10 +129,7 @@ def named_potentials(
             domain, float(np.mean(potentials.q_star(domain)))
         ),
     }
-    unknown = [name for name in names if name not in make]
-    if unknown:
-        raise ValueError(f"potential {unknown[0]!r} does not exist: choose from {', '.join(make)}.")
-    return {name: make[name]() for name in names}
+    return {name: make[one_of("potential", name, make)]() for name in names}
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,12 @@ from thesis_lib.chapter3.runs import TabularLearner
 from thesis_lib.chapter4 import looks
 from thesis_lib.chapter4.protocol import Flat, Level, Protocol, Selected, gains, measure, row
 from thesis_lib.chapter4.runs import Source, Target, solve_domain
+from thesis_lib.checks import one_of
 from thesis_lib.domains import continuing_cliff, episodic_cliff
 from thesis_lib.edition.criteria import LEVEL, Pair, judged, no_greater, ordered, summary
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.words import plus_minus, probability, several
-from thesis_lib.mdp.checks import one_of
 from thesis_lib.stats import holm, welch
 
 POSITION = ("x", "y")

@@ -17,10 +17,10 @@ from thesis_lib.chapter4.heat_space import HeatLearner, HeatSpace
 from thesis_lib.chapter4.protocol import SMALL as SMALL_PROTOCOL
 from thesis_lib.chapter4.protocol import Level, Protocol, selectors
 from thesis_lib.chapter4.runs import Run, choose
+from thesis_lib.checks import one_of
 from thesis_lib.domains.heat import HeatTask
 from thesis_lib.domains.heat_learning import HeatLearned
 from thesis_lib.edition.experiment import Context
-from thesis_lib.mdp.checks import one_of
 
 RELEVANT = ("heat", "a")
 """What counts as domain relevant; see :mod:`thesis_lib.chapter4.heat_relevance`."""

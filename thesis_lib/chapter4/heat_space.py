@@ -10,10 +10,10 @@ from typing import Literal, get_args
 import numpy as np
 
 from thesis_lib.arrays import BoolArray, FloatArray
+from thesis_lib.checks import one_of
 from thesis_lib.domains.heat import ACTIONS, LAYOUTS, HeatTask, HeatWorld
 from thesis_lib.domains.heat_learning import HeatLearned, Traces, sarsa_lambda
 from thesis_lib.domains.tiles import TileCoding
-from thesis_lib.mdp.checks import one_of
 from thesis_lib.potentials import linear_cross_task_weights
 from thesis_lib.relevance import Solutions, keep
 

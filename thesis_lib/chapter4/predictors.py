@@ -19,16 +19,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from thesis_lib.arrays import BoolArray, FloatArray
-from thesis_lib.chapter3.runs import TabularLearner
 from thesis_lib.chapter4 import figure_4_3, figure_4_4, figure_4_6, heat_runs, looks
 from thesis_lib.chapter4.protocol import Flat, Level, level
 from thesis_lib.chapter4.runs import Rated, Run, Target, Trial, choose, solve_domain
+from thesis_lib.checks import one_of
 from thesis_lib.domains import Domain, continuing_cliff, stock, triangle
 from thesis_lib.domains.heat import ACTIONS
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.plots import COLOURS, unclutter
 from thesis_lib.edition.words import plus_minus
-from thesis_lib.mdp.checks import one_of
 from thesis_lib.potentials import linear_cross_task_weights
 from thesis_lib.relevance import Solutions, keep
 from thesis_lib.selection import (
@@ -108,16 +107,16 @@ class Case:
 
 def _table(
     figure: str,
-    make: Callable[[], Domain],
-    learner: TabularLearner,
-    fstek: Level,
-    flat: Flat,
     context: Context,
     *,
+    make: Callable[[], Domain],
+    config: figure_4_3.Config | figure_4_4.Config | figure_4_6.Config,
+    fstek: Level,
     target: Target = "Q_star",
     irrelevant: tuple[str, ...] = (),
 ) -> Case:
-    """An experiment on a domain with tables."""
+    """An experiment on a domain with tables, by the config of its figure."""
+    learner = config.learner
     solved = solve_domain(make(), learner, context, target=target, irrelevant=irrelevant)
 
     def trial(n: int, rng: np.random.Generator) -> Callable[[FloatArray], float]:
@@ -125,7 +124,7 @@ def _table(
         return lambda phi: tasks.mean_return(phi.reshape(solved.domain.shape))
 
     return Case(
-        *(figure, fstek, flat, solved.truth),
+        *(figure, fstek, config.flat, solved.truth),
         observe=lambda n, rng: solved.solutions.take(solved.domain.sample(n, rng)),
         trial=trial,
     )
@@ -158,37 +157,25 @@ def _heat(sensor: float, context: Context) -> Case:
 
 _TRIANGLE, _CLIFF, _STOCK = figure_4_3.Config(), figure_4_4.Config(), figure_4_6.Config()
 
+_cliff = partial(
+    _table,
+    make=continuing_cliff,
+    config=_CLIFF,
+    fstek=_CLIFF.fstek,
+    irrelevant=figure_4_4.POSITION,
+)
+
 TABLES: Mapping[str, Callable[[Context], Case]] = {
-    "triangle": partial(
-        _table, "4.3", triangle, _TRIANGLE.learner, _TRIANGLE.fstek, _TRIANGLE.flat
-    ),
-    "cliff, Q*": partial(
-        _table,
-        "4.4",
-        continuing_cliff,
-        _CLIFF.learner,
-        _CLIFF.fstek,
-        _CLIFF.flat,
-        irrelevant=figure_4_4.POSITION,
-    ),
-    "cliff, Q~": partial(
-        _table,
-        "4.5",
-        continuing_cliff,
-        _CLIFF.learner,
-        _CLIFF.fstek,
-        _CLIFF.flat,
-        irrelevant=figure_4_4.POSITION,
-        target="Q_tilde",
-    ),
+    "triangle": partial(_table, "4.3", make=triangle, config=_TRIANGLE, fstek=_TRIANGLE.fstek),
+    "cliff, Q*": partial(_cliff, "4.4"),
+    "cliff, Q~": partial(_cliff, "4.5", target="Q_tilde"),
     **{
         f"stock, G = {g}": partial(
             _table,
             "4.6",
-            partial(stock, 1, 2, g, discount=_STOCK.discount),
-            _STOCK.learner,
-            _STOCK.low if g < 4 else _STOCK.high,
-            _STOCK.flat,
+            make=partial(stock, 1, 2, g, discount=_STOCK.discount),
+            config=_STOCK,
+            fstek=_STOCK.low if g < 4 else _STOCK.high,
         )
         for g in _STOCK.global_factors
     },

@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import BoolArray, FloatArray, IntArray
 from thesis_lib.chapter3.runs import TabularLearner
+from thesis_lib.checks import one_of
 from thesis_lib.domains import Domain
 from thesis_lib.edition.experiment import Context, Returns, returns
 from thesis_lib.mdp.batched import TaskBatch
-from thesis_lib.mdp.checks import one_of
 from thesis_lib.mdp.learning import learn
 from thesis_lib.mdp.sampling import loop_array
 from thesis_lib.potentials import linear_cross_task_weights, optimal_solutions, soft_solutions

@@ -17,7 +17,7 @@ import pandas as pd
 from scipy.stats import binomtest, norm
 
 from thesis_lib.arrays import FloatArray
-from thesis_lib.edition.criteria import graded
+from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.relevance import Solutions
@@ -30,9 +30,6 @@ LAWS: Mapping[str, Callable[[np.random.Generator, int], FloatArray]] = {
     "sign": lambda rng, n: rng.choice([-1.0, 1.0], size=n),
 }
 """Effects of an irrelevant feature, mean 0."""
-
-LEVEL = 0.05
-"""Of the F-test."""
 
 MARGIN = 0.02
 """By how much more often a feature may be kept where the level counts as held."""

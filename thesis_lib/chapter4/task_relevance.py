@@ -16,6 +16,7 @@ from thesis_lib.arrays import BoolArray, FloatArray, IntArray
 from thesis_lib.chapter3.runs import TabularLearner
 from thesis_lib.chapter4.looks import PM
 from thesis_lib.chapter4.runs import SolvedDomain, solve_domain
+from thesis_lib.checks import one_of
 from thesis_lib.domains import Domain, stock
 from thesis_lib.domains.planted import meadow
 from thesis_lib.edition.criteria import judged
@@ -23,7 +24,6 @@ from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import COLOURS
 from thesis_lib.mdp.aggregated import learn_aggregated
-from thesis_lib.mdp.checks import one_of
 from thesis_lib.relevance import ACTION, ground
 from thesis_lib.selection import JackknifeF, NoSelection, TaskRelevance, task_explained
 from thesis_lib.stats import Mean, bootstrap_ci, mean_ci

@@ -19,10 +19,10 @@ import pandas as pd
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5 import cells
-from thesis_lib.chapter5.cells import NETS, ROBOTS, Cells
+from thesis_lib.chapter5.cells import NETS, ROBOTS, Cells, interval
 from thesis_lib.chapter5.contrasts import SMOKE, Config
-from thesis_lib.chapter5.judging import ALPHA
 from thesis_lib.chapter5.runs import ENOUGH
+from thesis_lib.edition.criteria import LEVEL
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.robustness import CONDITIONS, PERTURBATIONS, TRAINED_ON, score
 from thesis_lib.stats import leading
@@ -151,7 +151,7 @@ def _of_measure(
     lead = [
         name
         for row in range(rows)
-        for name in leading({net: runs[m, row] for m, net in enumerate(NETS)}, ALPHA)
+        for name in leading({net: runs[m, row] for m, net in enumerate(NETS)}, LEVEL)
     ]
     for m, net in enumerate(NETS):
         others = [o for o in range(nets) if o != m]
@@ -161,18 +161,13 @@ def _of_measure(
             measure,
             net,
             float(iqm(runs[m])),
-            *_interval(iqm(drawn[:, m])),
+            *interval(iqm(drawn[:, m])),
             float(better),
-            *_interval(over),
+            *interval(over),
             lead.count(net),
             rows,
             seeds,
         )
-
-
-def _interval(draws: FloatArray) -> tuple[float, float]:
-    low, high = np.quantile(draws, [0.025, 0.975])
-    return float(low), float(high)
 
 
 def shown(table: pd.DataFrame, measure: str) -> pd.DataFrame:

@@ -58,9 +58,7 @@ class _Sketch:
         """A delay of one step."""
         self.ax.add_patch(Rectangle((at[0] - 0.25, at[1] - 0.25), 0.5, 0.5, color=INK, zorder=5))
 
-    def link(
-        self, points: Sequence[Point], colour: str = INK, label: str = "", *, fixed: bool = False
-    ) -> None:
+    def link(self, points: Sequence[Point], colour: str = INK, *, fixed: bool = False) -> None:
         """A line along some points with an arrow at its end; dashed if it is not learned."""
         weighted = colour != INK
         style = (0, (2, 1.5)) if fixed else "-"
@@ -74,10 +72,6 @@ class _Sketch:
                 lw=width, ls=style, shrinkA=0, shrinkB=0, zorder=2,
             )
         )  # fmt: skip
-        if label:
-            middle = (xy[0] + xy[1]) / 2
-            box = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
-            self.text(tuple(middle), label, color=colour, fontsize=10, bbox=box)
 
 
 def figure() -> Figure:
@@ -112,9 +106,9 @@ def _feedforward(ax: Axes) -> None:
         s.box((x, 7.4), r"$\mu$")
 
 
-def _loop(s: _Sketch, *, fixed: bool = False) -> None:
+def _loop(s: _Sketch) -> None:
     """What the networks of panels B and F share: hidden units fed back through a delay."""
-    s.link([(4.4, 5.5), (7.6, 5.5), (7.6, 2.6), (4.8, 2.6)], RECURRENT, fixed=fixed)
+    s.link([(4.4, 5.5), (7.6, 5.5), (7.6, 2.6), (4.8, 2.6)], RECURRENT)
     s.delay((7.6, 4.1))
     s.text((6.2, 3.0), "K", color=RECURRENT)
 

@@ -21,12 +21,10 @@ from thesis_lib.edition.words import several
 from thesis_lib.published import TASKS
 from thesis_lib.published import load as published
 from thesis_lib.training.config import NARROWED
+from thesis_lib.training.trained import LAST
 
 SETTINGS = ("task", "architecture", "sensors", "time_constant", "head_scale", "delta_kl")
 """What tells the runs of a row from others, seeds apart."""
-
-LAST = 5
-"""Iterations whose mean return says how far a run has come."""
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,9 @@ import pandas as pd
 
 from thesis_lib import published
 from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS
-from thesis_lib.chapter5.judging import ALPHA, Evidence
+from thesis_lib.chapter5.judging import Evidence
 from thesis_lib.chapter5.runs import DEFAULT, ENOUGH, PRINTED_STEPS
+from thesis_lib.edition.criteria import LEVEL
 from thesis_lib.edition.ledger import Verdict
 from thesis_lib.edition.words import number, several
 from thesis_lib.published import TASKS
@@ -89,7 +90,7 @@ def beside(table: str, ours: pd.DataFrame, printed_runs: int) -> list[Cell]:
                 for net, r in row.iterrows()
             }
             mine = {n: by_cell[robot, ground, n] for n in NETS if (robot, ground, n) in by_cell}
-            first = set(leading(summaries, ALPHA))
+            first = set(leading(summaries, LEVEL))
             ours_first = _leading(mine)
             rows += [
                 _cell(
@@ -111,7 +112,7 @@ def _leading(mine: dict[str, pd.DataFrame]) -> set[str]:
     """Leading nets of a row; none unless all have been run with enough seeds."""
     if len(mine) < len(NETS) or min(len(runs) for runs in mine.values()) < ENOUGH:
         return set()
-    return set(leading({net: runs.value.to_numpy() for net, runs in mine.items()}, ALPHA))
+    return set(leading({net: runs.value.to_numpy() for net, runs in mine.items()}, LEVEL))
 
 
 def _cell(

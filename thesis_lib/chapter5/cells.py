@@ -106,13 +106,11 @@ def printed(
     return Cells("printed", mean, draws, np.full(shape, runs), np.ones(shape, dtype=int))
 
 
-def from_learning(
-    store: Runs, rng: np.random.Generator, n_resamples: int, nets: tuple[str, ...] = NETS
-) -> Cells:
+def from_learning(store: Runs, rng: np.random.Generator, n_resamples: int) -> Cells:
     """Mean return over learning by seed, from runs of ours, on both grounds at one budget."""
     table = store.learning(across=["terrain"]).assign(condition="learning")
     table = table.rename(columns={"mean_return": "return"})
-    return _ours(table, ("learning",), nets, rng, n_resamples)
+    return _ours(table, ("learning",), NETS, rng, n_resamples)
 
 
 def from_tests(
@@ -155,6 +153,17 @@ def _ours(
             spread = np.sqrt(n / (n - 1)) * (chosen - x.mean(axis=0))
             draws[:, at[0], :, at[1], at[2]] = x.mean(axis=0) + spread
     return Cells("ours", mean, draws, units, whole, runs)
+
+
+def interval(draws: FloatArray, units: int = ENOUGH) -> tuple[float, float]:
+    """95% percentile interval of resamples, shape ``(n_resamples,)``; resamples of NaN left out.
+
+    NaN where fewer than :data:`ENOUGH` runs, ``units``, are behind them.
+    """
+    if units < ENOUGH:
+        return np.nan, np.nan
+    low, high = np.nanquantile(draws, [0.025, 0.975])
+    return float(low), float(high)
 
 
 def shares(returns: FloatArray, mean: FloatArray) -> FloatArray:

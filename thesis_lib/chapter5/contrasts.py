@@ -18,7 +18,7 @@ from scipy.stats import ttest_1samp
 from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5 import cells
 from thesis_lib.chapter5.cells import EXTRA_NETS, GROUPS, NETS, ROBOTS, Cells, shares
-from thesis_lib.chapter5.runs import ENOUGH, Runs, read_runs
+from thesis_lib.chapter5.runs import Runs, read_runs
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.robustness import PERTURBATIONS, TRAINED_ON, quadrants
 from thesis_lib.stats import friedman, two_sided
@@ -214,8 +214,7 @@ def _contrasts(
     for first, second in PAIRS:
         weights = _weights(first) - _weights(second)
         by_task, over = mean @ weights, (draws @ weights).mean(axis=1)
-        known = int(units.min()) >= ENOUGH
-        low, high = np.quantile(over, [0.025, 0.975]) if known else (np.nan, np.nan)
+        low, high = cells.interval(over, int(units.min()))
         yield Contrast(
             made.source,
             measure,
@@ -224,8 +223,8 @@ def _contrasts(
             second,
             value=float((mean @ _weights(first)).mean()),
             difference=float(by_task.mean()),
-            low=float(low),
-            high=float(high),
+            low=low,
+            high=high,
             p_runs=float(two_sided(over)),
             p_tasks=float(ttest_1samp(by_task, 0).pvalue) if len(by_task) > 1 else np.nan,
             p_friedman=ranks,

@@ -17,17 +17,17 @@ from thesis_lib.chapter5 import cells
 from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS, Cells
 from thesis_lib.chapter5.contrasts import SMOKE, Config, comparisons
 from thesis_lib.chapter5.judging import (
-    ALPHA,
     Evidence,
     ahead,
     both,
     difference,
     leads,
+    of_rows,
     pick,
     together,
 )
 from thesis_lib.chapter5.runs import ENOUGH
-from thesis_lib.edition.criteria import graded
+from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Verdict
 from thesis_lib.edition.plots import COLOURS
@@ -119,8 +119,8 @@ def _row(
     draws: FloatArray,
     depth: tuple[int, bool],
 ) -> Score:
-    low, high = np.quantile(draws, [0.025, 0.975])
-    return Score(*at, robot, net, statistic, float(value), float(low), float(high), *depth)
+    interval = cells.interval(draws, depth[0])
+    return Score(*at, robot, net, statistic, float(value), *interval, *depth)
 
 
 def _by_seed(made: Cells, i: int, j: int, m: int, robots: IntArray, seeds: int) -> FloatArray:
@@ -140,9 +140,7 @@ def _means(table: pd.DataFrame, source: str) -> pd.DataFrame:
 
 def _evidence(rows: pd.DataFrame, verdict: Verdict, sentence: str) -> Evidence:
     robots = rows.task[rows.task != ALL].nunique()
-    return Evidence(
-        verdict, sentence, int(rows.units.min()), robots, bool(rows.printed_budget.all())
-    )
+    return of_rows(rows, verdict, sentence, tasks=robots)
 
 
 # ------------------------------------------------------------------ sensor noise
@@ -229,7 +227,7 @@ def ctrnn_matches(source: str, table: pd.DataFrame) -> Evidence | None:
     level = level[(level["first"] == "CTRNN") & level.second.isin(GROUPS["FNNs"])]
     if behind is None or level.empty:
         return None
-    overtaken = ((level.difference < 0) & (level.p_runs < ALPHA)).any()
+    overtaken = ((level.difference < 0) & (level.p_runs < LEVEL)).any()
     on_par = (level.low > -MATCH).all()
     verdict = graded(
         on_par and behind.verdict is Verdict.REPRODUCED,
@@ -275,21 +273,18 @@ def simple_more_robust(source: str, table: pd.DataFrame) -> Evidence | None:
     rows = pd.concat(pick(table, source, "robustness", quadrant) for quadrant in at)
     rows = rows[rows["first"].isin(simple) & rows.second.isin(gated)]
     over = (rows.difference > 0).groupby(rows.quadrant).all()
-    against = rows[(rows.difference < 0) & (rows.p_runs < ALPHA)]
+    against = rows[(rows.difference < 0) & (rows.p_runs < LEVEL)]
     listed = "; ".join(
         f"{r.quadrant}, {r['first']} less {r.second} {difference(r)}" for _, r in against.iterrows()
     )
     verdict = whole.verdict
     if verdict is Verdict.REPRODUCED and not over.all():
         verdict = Verdict.DIRECTION
-    return Evidence(
-        verdict,
+    sentence = (
         f"{whole.sentence} In {over.sum()} of {len(over)} quadrants every simple net is ahead of "
-        f"both gated ones{'; against it: ' + listed if listed else ''}.",
-        whole.units,
-        whole.tasks,
-        whole.printed_budget,
+        f"both gated ones{'; against it: ' + listed if listed else ''}."
     )
+    return replace(whole, verdict=verdict, sentence=sentence)
 
 
 # ------------------------------------------------------------------ robots
@@ -346,7 +341,7 @@ def ant_hill_robust(source: str, table: pd.DataFrame) -> Evidence | None:
         gap = by.Ant - by.mean(axis=1)
         p = float(ttest_1samp(gap, 0).pvalue)
         above.append(gap.mean() > 0)
-        sure.append(gap.mean() > 0 and p < ALPHA)
+        sure.append(gap.mean() > 0 and p < LEVEL)
         place = by.mean().rank(ascending=False).Ant
         listed.append(f"under {what} {place:.0f} of {len(ROBOTS)} (p = {p:.2g})")
     sentence = f"the hill-trained Ant ranks {' and '.join(listed)}, tested against the mean robot."
@@ -367,7 +362,7 @@ def varies_across_tasks(source: str, table: pd.DataFrame) -> Evidence | None:
     }
     if len(p) < 4:
         return None
-    all_of_them = max(p.values()) < ALPHA
+    all_of_them = max(p.values()) < LEVEL
     verdict = Verdict.REPRODUCED if all_of_them else Verdict.NOT_REPRODUCED
     listed = ", ".join(f"{quadrant} p = {value:.2g}" for quadrant, value in p.items())
     return _evidence(rows, verdict, f"scores differ between robots, nets as blocks: {listed}.")

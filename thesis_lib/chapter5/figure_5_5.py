@@ -9,12 +9,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5 import cells
 from thesis_lib.chapter5.cells import EXTRA_NETS, NETS
 from thesis_lib.chapter5.contrasts import SMOKE, Config
-from thesis_lib.chapter5.judging import Evidence, both
-from thesis_lib.chapter5.runs import ENOUGH
+from thesis_lib.chapter5.judging import Evidence, both, of_rows
 from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.plots import COLOURS
@@ -73,22 +71,15 @@ def _scores(made: cells.Cells, nets: tuple[str, ...]) -> list[Score]:
             made.source,
             net,
             float(value[m]),
-            *_interval(drawn[:, m], units),
+            *cells.interval(drawn[:, m], units),
             float(value[deep] - value[m]),
-            *_interval(drawn[:, deep] - drawn[:, m], units),
+            *cells.interval(drawn[:, deep] - drawn[:, m], units),
             int(there.sum()),
             units,
             bool(made.printed_budget[0, there].all()),
         )
         for m, net in enumerate(nets)
     ]
-
-
-def _interval(draws: FloatArray, units: int) -> tuple[float, float]:
-    if units < ENOUGH:
-        return np.nan, np.nan
-    low, high = np.quantile(draws, [0.025, 0.975])
-    return float(low), float(high)
 
 
 def _behind(table: pd.DataFrame, source: str, net: str, name: str) -> Evidence | None:
@@ -102,7 +93,7 @@ def _behind(table: pd.DataFrame, source: str, net: str, name: str) -> Evidence |
         f"DFFWD less {name} {row.behind:+.3f} [{row.behind_low:.3f}, {row.behind_high:.3f}], "
         f"{f'mean of {row.robots} robots' if row.robots > 1 else 'on one robot'}."
     )
-    return Evidence(verdict, sentence, int(row.units), int(row.robots), bool(row.printed_budget))
+    return of_rows(rows, verdict, sentence, tasks=row.robots)
 
 
 @both("5.5.2-depth", depth)

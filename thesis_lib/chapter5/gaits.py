@@ -14,7 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import signal
 
-from thesis_lib.arrays import FloatArray
+from thesis_lib.arrays import BoolArray, FloatArray
 from thesis_lib.chapter5 import live
 from thesis_lib.chapter5.networks import low_to_high
 from thesis_lib.chapter5.open_loop import NAME, SMOKE_SEARCH, Search, find_gait
@@ -143,7 +143,7 @@ def episodes(config: Config, context: Context) -> list[Episode]:
         angles: list[FloatArray] = []
         places: list[FloatArray] = []
 
-        def watch(running: NDArray[np.bool_]) -> None:
+        def watch(running: BoolArray) -> None:
             angles.append(_joints(batch, robot))
             places.append(batch.qpos[:, 0])
 

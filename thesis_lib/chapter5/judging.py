@@ -18,12 +18,10 @@ import pandas as pd
 from thesis_lib.chapter5.cells import ROBOTS
 from thesis_lib.chapter5.contrasts import comparisons
 from thesis_lib.chapter5.runs import ENOUGH
-from thesis_lib.edition.criteria import graded
+from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Experiment
 from thesis_lib.edition.ledger import WEAKEST_FIRST, Criterion, Finding, Verdict, criterion
 from thesis_lib.stats import holm
-
-ALPHA = 0.05
 
 _WORDS = {
     Verdict.REFUTED: "deny it",
@@ -143,13 +141,15 @@ def _own(ours: Evidence | None) -> Verdict:
     return ours.verdict if whole else Verdict.INCONCLUSIVE
 
 
-def of_rows(rows: pd.DataFrame, verdict: Verdict, sentence: str) -> Evidence:
-    """Evidence from rows that say what runs and tasks are behind them."""
+def of_rows(
+    rows: pd.DataFrame, verdict: Verdict, sentence: str, *, tasks: int | None = None
+) -> Evidence:
+    """Evidence from rows that say what runs are behind them, and tasks unless these are given."""
     return Evidence(
         verdict,
         sentence,
         int(rows.units.min()),
-        int(rows.tasks.min()),
+        int(rows.tasks.min() if tasks is None else tasks),
         bool(rows.printed_budget.all()),
     )
 
@@ -218,12 +218,12 @@ def ahead(
     if rows.empty:
         return None
     p_runs, p_tasks = _holm(rows.p_runs), _holm(rows.p_tasks)
-    enough = not tasks or bool((p_tasks < ALPHA).all())
+    enough = not tasks or bool((p_tasks < LEVEL).all())
     above, below = rows.difference > 0, rows.difference < 0
     verdict = graded(
-        enough and (above & (p_runs < ALPHA)).all(),
+        enough and (above & (p_runs < LEVEL)).all(),
         above.all(),
-        denied=(below & (p_runs < ALPHA)).any(),
+        denied=(below & (p_runs < LEVEL)).any(),
     )
     least = rows.loc[rows.difference.idxmin()]
     sentence = (
@@ -243,14 +243,7 @@ def pick(table: pd.DataFrame, source: str, measure: str, quadrant: str) -> pd.Da
 
 def difference(row: pd.Series) -> str:
     """A difference with its interval, as text."""
-    return minus(f"{row.difference:+.3f} [{row.low:.3f}, {row.high:.3f}]")
-
-
-def minus(text: str) -> str:
-    """Text with typographic minus signs for those before a digit."""
-    for sign in (" -", "[-", "(-"):
-        text = text.replace(sign, sign[0] + "−")
-    return "−" + text[1:] if text.startswith("-") else text
+    return f"{row.difference:+.3f} [{row.low:.3f}, {row.high:.3f}]"
 
 
 def _over_tasks(p_tasks: np.ndarray, row: pd.Series) -> str:
@@ -266,7 +259,7 @@ def _over_tasks(p_tasks: np.ndarray, row: pd.Series) -> str:
 def _significant(p: np.ndarray) -> str:
     if len(p) == 1:
         return f"p = {p[0]:.2g}"
-    sure = int((p < ALPHA).sum())
+    sure = int((p < LEVEL).sum())
     if sure == len(p):
         return "all significant"
     return f"{sure or 'none'} of {len(p)} significant"

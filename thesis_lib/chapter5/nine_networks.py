@@ -111,7 +111,7 @@ def shown(table: pd.DataFrame, last: int = 5) -> pd.DataFrame:
         f"{first:.0f} → **{last:.0f}**" if learned else f"{first:.0f} → {last:.0f}"
         for first, last, learned in zip(ends["first"], ends["last"], gained.learned, strict=True)
     ]
-    return _by_network(pd.Series(cells, index=gained.index).str.replace("-", "−"))
+    return _by_network(pd.Series(cells, index=gained.index))
 
 
 def times(table: pd.DataFrame) -> pd.DataFrame:

@@ -134,7 +134,7 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
         record = {"task": robot}
         for condition in CONDITIONS:
             printed = _printed(condition, robot)
-            ours = ", ".join(f"{v:.0f}" for v in mean[robot, condition]).replace("-", "−")
+            ours = ", ".join(f"{v:.0f}" for v in mean[robot, condition])
             record[condition] = f"**{ours}** ({printed.min():.0f}–{printed.max():.0f})"
         records.append(record)
     return pd.DataFrame(records)

@@ -70,14 +70,10 @@ def _change(table: pd.DataFrame, net: str, changed: str) -> pd.Series:
     return found.iloc[0]
 
 
-def _whole(value: float) -> str:
-    return f"{value:.0f}".replace("-", "−")
-
-
 def _compared(name: str, row: pd.Series) -> str:
     return (
-        f"{name} {_whole(row.mean_changed)} (difference {_whole(row.difference)}, 95% interval "
-        f"{_whole(row.low)} to {_whole(row.high)}, p = {row.p_holm:.2g} after Holm)"
+        f"{name} {row.mean_changed:.0f} (difference {row.difference:.0f}, 95% interval "
+        f"{row.low:.0f} to {row.high:.0f}, p = {row.p_holm:.2g} after Holm)"
     )
 
 
@@ -158,9 +154,9 @@ def measured(table: pd.DataFrame, net: str, changed: str) -> str:
     after = f", {row.p_holm:.2g} after Holm for the {many} options tried" if many > 1 else ""
     return (
         f"Measured with `{changed}` for the {NAMES[net]} on {row.task}: over {row.iterations} "
-        f"iterations of {row.batch_steps:,} steps the mean return is {_whole(row.mean_changed)} "
-        f"instead of {_whole(row.mean_reference)}, a difference of {_whole(row.difference)} (95% "
-        f"interval {_whole(row.low)} to {_whole(row.high)}, {row.n} seeds in pairs; t-test "
+        f"iterations of {row.batch_steps:,} steps the mean return is {row.mean_changed:.0f} "
+        f"instead of {row.mean_reference:.0f}, a difference of {row.difference:.0f} (95% "
+        f"interval {row.low:.0f} to {row.high:.0f}, {row.n} seeds in pairs; t-test "
         f"p = {row.p_difference:.2g}{after})."
     )
 
@@ -250,7 +246,7 @@ def by_bound(curves: pd.DataFrame, last: int = 5) -> pd.DataFrame:
         record: dict[str, object] = {"bound [nat]": delta, "runs": len(ends)}
         for heading, part in (("first batch", "first_return"), (f"last {last}", "last_return")):
             found = mean_ci(ends[part])
-            record[heading] = f"{found.mean:.1f} ± {found.half_width:.1f}".replace("-", "−")
+            record[heading] = f"{found.mean:.1f} ± {found.half_width:.1f}"
         record["gained"] = f"{int((ends.last_return > ends.first_return).sum())} of {len(ends)}"
         records.append(record)
     return pd.DataFrame(records).sort_values("bound [nat]", ascending=False, ignore_index=True)

@@ -102,7 +102,7 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
         "its mean": found.ours.map("{:.0f}".format),
         "sb3-contrib": found.peer.map("{:.0f}".format),
         "difference (95%)": [
-            f"{d:.0f} ({low:.0f} to {high:.0f})".replace("-", "−")
+            f"{d:.0f} ({low:.0f} to {high:.0f})"
             for d, low, high in zip(found.difference, found.low, found.high, strict=True)
         ],
         "p": found.p.map("{:.2g}".format),

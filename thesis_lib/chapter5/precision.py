@@ -42,13 +42,12 @@ def reading(table: pd.DataFrame) -> str:
     (row,) = compared(table, "precision").itertuples()
     shown = "are" if row.p_equivalence < 0.05 else "cannot be"
     half = (row.high - row.low) / 2
-    gap = f"{row.difference:.1f}".replace("-", "−")
     return (
         f"Averaged over {table.iteration.max()} iterations of the {row.architecture.upper()} on "
         f"{row.task} float32 earns {row.mean_changed:.1f} and float64 {row.mean_reference:.1f}, a "
-        f"difference seed by seed of {gap} ± {half:.1f} (95%, n = {row.n}). With a margin of a "
-        f"tenth, {MARGIN * abs(row.mean_reference):.1f}, the two {shown} shown to be equivalent "
-        f"(paired TOST, p = {row.p_equivalence:.2g})."
+        f"difference seed by seed of {row.difference:.1f} ± {half:.1f} (95%, n = {row.n}). "
+        f"With a margin of a tenth, {MARGIN * abs(row.mean_reference):.1f}, the two {shown} shown "
+        f"to be equivalent (paired TOST, p = {row.p_equivalence:.2g})."
     )
 
 

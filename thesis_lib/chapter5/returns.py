@@ -19,17 +19,15 @@ from thesis_lib.chapter5.cell_table import (
 from thesis_lib.chapter5.cells import GROUPS, NETS, TEST_RUNS
 from thesis_lib.chapter5.contrasts import Config, comparisons
 from thesis_lib.chapter5.judging import (
-    ALPHA,
     Evidence,
     ahead,
     both,
     difference,
-    minus,
     of_rows,
     pick,
 )
 from thesis_lib.chapter5.runs import CELL, DEFAULT
-from thesis_lib.edition.criteria import graded
+from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Context, Experiment, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.robustness import CONDITIONS, TRAINED_ON
@@ -100,15 +98,11 @@ def fnn_drops(source: str, table: pd.DataFrame) -> Evidence | None:
     drop = learning.difference - test.difference
     error = np.hypot(*((r.high - r.low) / (2 * norm.ppf(0.975)) for r in (learning, test)))
     p = 2 * norm.sf(abs(drop) / error)
-    return Evidence(
-        graded(drop > 0 and p < ALPHA, drop > 0, denied=p < ALPHA),
-        minus(
-            f"FNNs less RNNs {difference(learning)} in learning and {difference(test)} in the "
-            f"regular test, a fall of {drop:.3f} (p = {p:.2g}, intervals taken as normal)."
-        ),
-        units=int(min(learning.units, test.units)),
-        tasks=int(min(learning.tasks, test.tasks)),
-        printed_budget=bool(learning.printed_budget and test.printed_budget),
+    return of_rows(
+        pd.concat(rows),
+        graded(drop > 0 and p < LEVEL, drop > 0, denied=p < LEVEL),
+        f"FNNs less RNNs {difference(learning)} in learning and {difference(test)} in the "
+        f"regular test, a fall of {drop:.3f} (p = {p:.2g}, intervals taken as normal).",
     )
 
 
@@ -125,14 +119,14 @@ def best_rnn(source: str, table: pd.DataFrame) -> Evidence | None:
     pairs = len(GROUPS["RNNs"]) * len(GROUPS["FNNs"])
     p = holm([min(1.0, pairs * test.p_value) for test in tests.values()])
     more = pd.Series({at: test.difference > 0 for at, test in tests.items()})
-    sure = more & (p < ALPHA)
+    sure = more & (p < LEVEL)
     by, clear, of = (
         part.groupby(level=0).sum().reindex(list(TRAINED_ON), fill_value=0)
         for part in (more, sure, more | True)
     )
     chance = len(GROUPS["RNNs"]) / len(NETS)
     by_chance = binomtest(int(more.sum()), len(more), chance, alternative="greater").pvalue
-    verdict = graded(2 * sure.sum() > len(sure), by_chance < ALPHA)
+    verdict = graded(2 * sure.sum() > len(sure), by_chance < LEVEL)
     sentence = (
         f"the best RNN earns more than the best FNN on {by['flat']} of {of['flat']} rows trained "
         f"on the flat ({clear['flat']} significantly, Welch, corrected for the choice of the two "
@@ -150,7 +144,7 @@ def fnn_rugged(source: str, table: pd.DataFrame) -> Evidence | None:
     if rows.empty:
         return None
     row = rows.iloc[0]
-    below = row.difference < 0 and row.p_runs < ALPHA
+    below = row.difference < 0 and row.p_runs < LEVEL
     verdict = graded(row.low > -ON_PAR, denied=below, otherwise=Verdict.INCONCLUSIVE)
     sentence = f"FNNs less RNNs {difference(row)} of the best return on a task."
     return of_rows(rows, verdict, sentence)
@@ -215,11 +209,9 @@ def gait_quality(
         pd.concat(rows, keys=CONDITIONS),
         pd.concat(asked, keys=CONDITIONS),
         source,
-        graded(gap.mean() > 0 and p < ALPHA, gap.mean() > 0),
-        minus(
-            "rank correlation over nets between the regular return and the perturbed one, mean of "
-            f"the robots: {with_hills.mean():.2f} under the switch and {with_noise.mean():.2f} "
-            f"under noise; higher under the switch for {(gap > 0).sum()} of {len(gap)} robots "
-            f"(paired t-test of Fisher's z, p = {p:.2g})."
-        ),
+        graded(gap.mean() > 0 and p < LEVEL, gap.mean() > 0),
+        "rank correlation over nets between the regular return and the perturbed one, mean of "
+        f"the robots: {with_hills.mean():.2f} under the switch and {with_noise.mean():.2f} "
+        f"under noise; higher under the switch for {(gap > 0).sum()} of {len(gap)} robots "
+        f"(paired t-test of Fisher's z, p = {p:.2g}).",
     )

@@ -11,8 +11,7 @@ import pandas as pd
 from thesis_lib import published, robustness
 from thesis_lib.edition.criteria import exact
 from thesis_lib.edition.ledger import Finding, criterion, effect_of
-from thesis_lib.locomotion import perturbations
-from thesis_lib.locomotion.batch import Perturbation
+from thesis_lib.training.disturbances import known_perturbations
 
 
 def score(base: float, perturbed: float, best: float) -> float:
@@ -30,7 +29,7 @@ def score_range() -> Finding:
         "best the score is indeed in [0, 1]."
     )
     inside = min(turned, backward) >= 0 and max(turned, backward) <= 1
-    return exact(inside, evidence.replace("-", "−"))
+    return exact(inside, evidence)
 
 
 @criterion("5.3-score-one")
@@ -74,7 +73,7 @@ def slowing_beats_turning() -> Finding:
     return exact(
         slow > aside > back,
         f"After a base return of 100, half the speed on the hills scores {slow:.2f}, moving at "
-        f"right angles {aside:.2f} and moving back −{abs(back):.2f}.",
+        f"right angles {aside:.2f} and moving back {back:.2f}.",
     )
 
 
@@ -98,11 +97,7 @@ OF_THE_THESIS = ("WhiteNoise", "TerrainSwitch", "SensorSubset")
 
 def perturbation_table() -> pd.DataFrame:
     """Every perturbation with the first sentence of its description, the thesis's first."""
-    kinds = {
-        name: kind
-        for name, kind in vars(perturbations).items()
-        if inspect.isclass(kind) and issubclass(kind, Perturbation) and kind is not Perturbation
-    }
+    kinds = known_perturbations()
     order = [*OF_THE_THESIS, *(name for name in kinds if name not in OF_THE_THESIS)]
     return pd.DataFrame(
         {

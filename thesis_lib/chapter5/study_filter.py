@@ -28,10 +28,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from thesis_lib.arrays import FloatArray
+from thesis_lib.chapter5.cells import interval
 from thesis_lib.chapter5.contrasts import SMOKE, Config
-from thesis_lib.chapter5.judging import ALPHA
 from thesis_lib.chapter5.runs import DEFAULT, PRINTED_STEPS, Runs
-from thesis_lib.edition.criteria import graded
+from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import COLOURS
@@ -169,9 +169,9 @@ def predictions(config: Config, context: Context) -> list[Prediction]:
     rows = []
     values, resampled = _predicted(mean), _predicted(draws)
     for name, value in values.items():
-        low, high = np.quantile(resampled[name], [0.025, 0.975])
+        low, high = interval(resampled[name])
         seeds = min(len(by_arm[key]) for key in BEHIND[name])
-        rows.append(Prediction(name, float(value), float(low), float(high), seeds, left_out, steps))
+        rows.append(Prediction(name, float(value), low, high, seeds, left_out, steps))
     return rows
 
 
@@ -264,9 +264,9 @@ def keeps_more_in_correlated_noise(table: pd.DataFrame) -> Finding:
         for f, q, other in zip(found, p, ("DTRNNs", "CTRNNs with fixed ones"), strict=True)
     )
     verdict = graded(
-        ((values > 0) & (p < ALPHA)).all(),
+        ((values > 0) & (p < LEVEL)).all(),
         (values > 0).all(),
-        denied=((values < 0) & (p < ALPHA)).any(),
+        denied=((values < 0) & (p < LEVEL)).any(),
     )
     return Finding(
         verdict if seeds >= len(FRESH) else Verdict.INCONCLUSIVE,

@@ -18,10 +18,11 @@ from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5 import cells
 from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS, Cells
 from thesis_lib.chapter5.contrasts import SMOKE, Config
-from thesis_lib.chapter5.judging import Evidence, both, minus, together
-from thesis_lib.chapter5.runs import CELL, DEFAULT, ENOUGH, PRINTED_STEPS, Runs
+from thesis_lib.chapter5.judging import Evidence, both, of_rows, together
+from thesis_lib.chapter5.runs import CELL, DEFAULT, PRINTED_STEPS, Runs
 from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.words import plain
 from thesis_lib.robustness import PERTURBATIONS, TRAINED_ON, retained
 
 FLOOR = 0.01
@@ -140,14 +141,11 @@ def _effect(
     source: str, name: str, by_robot: FloatArray, draws: FloatArray, units: int, deep: bool
 ) -> Effect:
     over = draws.mean(axis=1)
-    known = units >= ENOUGH
-    low, high = np.nanquantile(over, [0.025, 0.975]) if known else (np.nan, np.nan)
     return Effect(
         source,
         name,
         float(by_robot.mean()),
-        float(low),
-        float(high),
+        *cells.interval(over, units),
         float(ttest_1samp(by_robot, 0).pvalue) if len(by_robot) > 1 else np.nan,
         len(by_robot),
         units,
@@ -164,8 +162,7 @@ def _above_zero(table: pd.DataFrame, source: str, name: str, what: str) -> Evide
     sentence = f"{what} {row.value:+.2f} [{row.low:.2f}, {row.high:.2f}] on a logarithmic scale"
     if row.robots > 1:
         sentence += f"; with the {row.robots} robots as the unit p = {row.p_tasks:.2g}"
-    depth = int(row.units), int(row.robots), bool(row.printed_budget)
-    return Evidence(verdict, f"{sentence}.", *depth)
+    return of_rows(rows, verdict, f"{sentence}.", tasks=row.robots)
 
 
 def reading(table: pd.DataFrame) -> str:
@@ -180,10 +177,10 @@ def reading(table: pd.DataFrame) -> str:
         interval = "" if np.isnan(row.low) else f" [{row.low:+.2f}, {row.high:+.2f}]"
         told.append(
             f"With {name} the loss of regular return of hill-trained RNNs, less that of "
-            f"flat-trained ones, is {minus(f'{row.value:+.2f}{interval}')} on a logarithmic scale "
+            f"flat-trained ones, is {row.value:+.2f}{interval} on a logarithmic scale "
             f"({row.robots} robots, {row.units} seeds or more)."
         )
-    return " ".join(told)
+    return plain(" ".join(told))
 
 
 @both("5.7-pomdp-transfer", effects)

@@ -11,6 +11,8 @@ the claim is as good as the weaker.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 from scipy.stats import binomtest, norm, ttest_1samp
@@ -28,7 +30,6 @@ from thesis_lib.chapter5.cell_table import (
 from thesis_lib.chapter5.cells import GROUPS, LEARNING_RUNS, NETS
 from thesis_lib.chapter5.contrasts import Config, comparisons
 from thesis_lib.chapter5.judging import (
-    ALPHA,
     Evidence,
     ahead,
     both,
@@ -37,7 +38,7 @@ from thesis_lib.chapter5.judging import (
     pick,
 )
 from thesis_lib.chapter5.runs import ENOUGH
-from thesis_lib.edition.criteria import graded
+from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.stats import combined, holm, welch
@@ -77,7 +78,7 @@ def ffwd_second(source: str, table: pd.DataFrame) -> Evidence | None:
     if not near and verdict is Verdict.REPRODUCED:
         verdict = Verdict.DIRECTION
     sentence = f"{found.sentence} DFFWD less FFWD {difference(deep)}."
-    return Evidence(verdict, sentence, found.units, found.tasks, found.printed_budget)
+    return replace(found, verdict=verdict, sentence=sentence)
 
 
 @both("5.5.1-esn-underperforms", entries)
@@ -97,7 +98,7 @@ def esn_below(source: str, table: pd.DataFrame) -> Evidence | None:
         rows,
         asked,
         source,
-        graded(most and p < ALPHA, most),
+        graded(most and p < LEVEL, most),
         f"the ESN is below the mean of the other nets on {(gap < 0).sum()} of {len(gap)} rows (the "
         f"ant's, which were not completed, left out; p = {p:.2g} over rows), mean rank {rank:.1f} "
         f"of {len(NETS)}.",
@@ -121,7 +122,7 @@ def hopper_hard(source: str, table: pd.DataFrame) -> Evidence | None:
     verdict, p = Verdict.NOT_REPRODUCED, ""
     if ratio.idxmax() == "Hopper" and hopper[column(source)[1]].notna().all():
         test = best_against_best(hopper, source, LEARNING_RUNS)
-        sure = test.difference < 0 and test.p_value < ALPHA
+        sure = test.difference < 0 and test.p_value < LEVEL
         verdict = Verdict.REPRODUCED if sure else Verdict.DIRECTION
         p = f"; on the Hopper the two differ with p = {test.p_value:.2g}"
     return evidence(
@@ -146,7 +147,7 @@ def hopper_vanilla(source: str, table: pd.DataFrame) -> Evidence | None:
         for other in ("ESN", "GRU", "LSTM")
         if known
     ]
-    significant = [t.difference > 0 and t.p_value < ALPHA for t in tests]
+    significant = [t.difference > 0 and t.p_value < LEVEL for t in tests]
     above = [t.difference > 0 for t in tests]
     verdict = graded(known and all(significant), known and all(above))
     listed = ", ".join(f"{net} {table.loc[net, value]:.0f}" for net in GROUPS["RNNs"])
@@ -201,7 +202,7 @@ def rnn_vary(source: str, table: pd.DataFrame) -> Evidence | None:
         ratio = np.log(part.RNNs / part.FNNs)
         p = float(ttest_1samp(ratio, 0).pvalue)
         larger.append(ratio.mean() > 0)
-        sure.append(ratio.mean() > 0 and p < ALPHA)
+        sure.append(ratio.mean() > 0 and p < LEVEL)
         listed.append(f"in {name} {np.exp(ratio.mean()):.2f} times that of FNNs (p = {p:.2g})")
     sentence = f"RNNs' standard error over learning runs is {' and '.join(listed)}."
     return evidence(rows, table, source, graded(all(sure), any(larger)), sentence)
@@ -221,7 +222,7 @@ def fnn_stable(source: str, table: pd.DataFrame) -> Evidence | None:
         f"FNNs' relative standard error is lower on {less.sum()} of {len(less)} rows (sign test "
         f"p = {p:.2g})."
     )
-    return evidence(rows, table, source, graded(most and p < ALPHA, most), sentence)
+    return evidence(rows, table, source, graded(most and p < LEVEL, most), sentence)
 
 
 @criterion("table-5.2-means", entries)
@@ -252,8 +253,8 @@ def means(table: pd.DataFrame) -> Finding:
     if len(rest) < (len(table) - len(CALIBRATED) * len(NETS)) / 2:
         return Finding(Verdict.INCONCLUSIVE, " ".join(told))
     by_net = _ratios(rest)
-    near = (by_net.ratio - 1).abs() + norm.ppf(1 - ALPHA) * by_net.error < NEAR
-    apart = int((holm(rest.p_printed) < ALPHA).sum())
+    near = (by_net.ratio - 1).abs() + norm.ppf(1 - LEVEL) * by_net.error < NEAR
+    apart = int((holm(rest.p_printed) < LEVEL).sum())
     listed = ", ".join(f"{r.Index} {r.ratio:.2f} ± {r.error:.2f}" for r in by_net.itertuples())
     told.append(
         f"Ours over the printed, mean over those rows with its standard error: {listed}; "

@@ -16,9 +16,8 @@ from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5 import cells
 from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS, TESTED, Cells
 from thesis_lib.chapter5.contrasts import SMOKE, Config
-from thesis_lib.chapter5.judging import ALPHA, Evidence, both, of_rows, together
-from thesis_lib.chapter5.runs import ENOUGH
-from thesis_lib.edition.criteria import graded, judged
+from thesis_lib.chapter5.judging import Evidence, both, of_rows, together
+from thesis_lib.edition.criteria import LEVEL, graded, judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import COLOURS, PRINTED
@@ -124,8 +123,7 @@ def _ratios(made: Cells, formula: str, factor: float) -> Iterator[Ratio]:
             ratio = by_robot[j, there, m]
             robots = np.array(ROBOTS)[there]
             logs = np.log(ratio[ratio > 0])
-            known = units >= ENOUGH
-            low, high = np.nanquantile(drawn[:, j, 0], [0.025, 0.975]) if known else (np.nan,) * 2
+            low, high = cells.interval(drawn[:, j, 0], units)
             bounds = published_by.loc[(PRINTED_NAME[perturbation], net)]
             yield Ratio(
                 made.source,
@@ -134,8 +132,8 @@ def _ratios(made: Cells, formula: str, factor: float) -> Iterator[Ratio]:
                 formula,
                 factor,
                 value=float(value[j, 0]),
-                low=float(low),
-                high=float(high),
+                low=low,
+                high=high,
                 printed_low=bounds.low,
                 printed_high=bounds.high,
                 least_robot=str(robots[ratio.argmin()]),
@@ -147,12 +145,13 @@ def _ratios(made: Cells, formula: str, factor: float) -> Iterator[Ratio]:
             )
 
 
-def _rows(table: pd.DataFrame, source: str, perturbation: str) -> pd.DataFrame:
-    """Rows by net; the bounds are the printed ones, or those of our runs."""
+def _rows(table: pd.DataFrame, source: str, perturbation: str, group: str) -> pd.DataFrame:
+    """Rows of a group's nets, none unless all are there; bounds are printed ones, or ours."""
     at = (table.source == source) & (table.perturbation == perturbation)
-    rows = table[at & (table.formula == RETAINED) & (table.error_factor == 1.0)].set_index(
-        "architecture"
-    )
+    at &= (table.formula == RETAINED) & (table.error_factor == 1.0)
+    rows = table[at].set_index("architecture").reindex(list(GROUPS[group]))
+    if rows.value.isna().any():
+        return rows.iloc[:0]
     if source == "printed":
         return rows.assign(low=rows.printed_low, high=rows.printed_high)
     return rows
@@ -164,14 +163,14 @@ def _bounds(rows: pd.DataFrame) -> str:
     told = f"{where} training on hills multiplies the share kept by {listed}"
     if rows.p_tasks.isna().all():
         return told
-    few = rows.index[rows.p_tasks < ALPHA]
-    return f"{told}; with tasks as the unit p < {ALPHA:g} for {' and '.join(few) or 'no net'}"
+    few = rows.index[rows.p_tasks < LEVEL]
+    return f"{told}; with tasks as the unit p < {LEVEL:g} for {' and '.join(few) or 'no net'}"
 
 
 def improves(table: pd.DataFrame, source: str, perturbation: str) -> Evidence | None:
     """Whether hill training helps each RNN: intervals above 1."""
-    rows = _rows(table, source, perturbation).reindex(list(GROUPS["RNNs"]))
-    if rows.value.isna().any():
+    rows = _rows(table, source, perturbation, "RNNs")
+    if rows.empty:
         return None
     verdict = graded((rows.low > 1).all(), (rows.value > 1).all(), denied=(rows.high < 1).any())
     return of_rows(rows, verdict, f"{_bounds(rows)}.")
@@ -179,8 +178,8 @@ def improves(table: pd.DataFrame, source: str, perturbation: str) -> Evidence | 
 
 def leaves(table: pd.DataFrame, source: str, perturbation: str) -> Evidence | None:
     """Whether hill training has no effect on FNNs: intervals near 1; a loss is direction only."""
-    rows = _rows(table, source, perturbation).reindex(list(GROUPS["FNNs"]))
-    if rows.value.isna().any():
+    rows = _rows(table, source, perturbation, "FNNs")
+    if rows.empty:
         return None
     verdict = graded(
         ((rows.low > 1 - NONE) & (rows.high < 1 + NONE)).all(),
@@ -193,8 +192,8 @@ def leaves(table: pd.DataFrame, source: str, perturbation: str) -> Evidence | No
 
 def not_helped(table: pd.DataFrame, source: str, perturbation: str) -> Evidence | None:
     """Whether hill training helps no FNN: every interval below what counts as none."""
-    rows = _rows(table, source, perturbation).reindex(list(GROUPS["FNNs"]))
-    if rows.value.isna().any():
+    rows = _rows(table, source, perturbation, "FNNs")
+    if rows.empty:
         return None
     verdict = graded(
         (rows.high < 1 + NONE).all(),
@@ -239,8 +238,8 @@ def rnn_not_fnn(source: str, table: pd.DataFrame) -> Evidence | None:
 @both("5.5.2-esn-improves-least", ratios)
 def esn_improves_least(source: str, table: pd.DataFrame) -> Evidence | None:
     """The ESN's ratio under noise against the other RNNs'."""
-    rows = _rows(table, source, "noise").reindex(list(GROUPS["RNNs"]))
-    if rows.value.isna().any():
+    rows = _rows(table, source, "noise", "RNNs")
+    if rows.empty:
         return None
     esn, others = rows.loc["ESN"], rows.drop(index="ESN")
     least = esn.value <= others.value.min()
@@ -258,8 +257,8 @@ def esn_improves_least(source: str, table: pd.DataFrame) -> Evidence | None:
 @both("5.5.2-hill-helps-gated", ratios)
 def helps_gated(source: str, table: pd.DataFrame) -> Evidence | None:
     """The gated nets' ratios under noise."""
-    rows = _rows(table, source, "noise").reindex(list(GROUPS["gated RNNs"]))
-    if rows.value.isna().any():
+    rows = _rows(table, source, "noise", "gated RNNs")
+    if rows.empty:
         return None
     verdict = Verdict.REPRODUCED if (rows.low > 1).all() else Verdict.NOT_REPRODUCED
     return of_rows(rows, verdict, f"{_bounds(rows)}.")
@@ -268,8 +267,8 @@ def helps_gated(source: str, table: pd.DataFrame) -> Evidence | None:
 @both("ch5-hill-every-robot", ratios)
 def helps_on_every_robot(source: str, table: pd.DataFrame) -> Evidence | None:
     """The least ratio of each RNN under the switch, and the robot it is on."""
-    rows = _rows(table, source, "switch").reindex(list(GROUPS["RNNs"]))
-    if rows.value.isna().any():
+    rows = _rows(table, source, "switch", "RNNs")
+    if rows.empty:
         return None
     worse = rows.least < 1
     verdict = Verdict.REFUTED if worse.all() else Verdict.NOT_REPRODUCED

@@ -201,6 +201,6 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
         record = {"task": robot, "steps, plane": f"{length.mean:.0f} ± {length.half_width:.0f}"}
         for ground, group in own.groupby("ground", sort=False):
             total = mean_ci(group.episode_return)
-            record[str(ground)] = f"{total.mean:.1f} ± {total.half_width:.1f}".replace("-", "−")
+            record[str(ground)] = f"{total.mean:.1f} ± {total.half_width:.1f}"
         records.append({**record, "n": length.n})
     return pd.DataFrame(records)

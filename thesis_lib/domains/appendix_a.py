@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import FloatArray, IntArray
+from thesis_lib.checks import one_of, positive_number, probability
 from thesis_lib.domains.domain import Domain, check_policies
-from thesis_lib.mdp.checks import one_of, positive_number, probability
 from thesis_lib.mdp.model import TabularMDP
 from thesis_lib.mdp.occupancy import stationary_distribution
 

@@ -218,9 +218,20 @@ class Domain:
         -------
         FloatArray
             Shape ``(M, O, A)``, NaN where a pair is not in the task's :math:`X_m`.
+
+        Raises
+        ------
+        ValueError
+            When there is not one table a task, or a shape is wrong.
         """
+        given = list(tables)
+        if len(given) != len(self):
+            raise ValueError(
+                f"{len(given)} tables were given, but domain {self.name!r} has {len(self)} tasks; "
+                "give one a task."
+            )
         out = np.full((len(self), *self.shape), np.nan)
-        for m, (table, index) in enumerate(zip(tables, self.observation_index, strict=True)):
+        for m, (table, index) in enumerate(zip(given, self.observation_index, strict=True)):
             values = np.asarray(table, dtype=float)
             if values.shape != (len(index), len(self.actions)):
                 raise ValueError(

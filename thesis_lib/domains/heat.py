@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import FloatArray
+from thesis_lib.checks import generator, one_of, positive_number
 from thesis_lib.compiled import njit
 from thesis_lib.domains.tiles import TileCoding
-from thesis_lib.mdp.checks import generator, one_of, positive_number
 
 ACTIONS = ("forward", "backward", "turn left", "turn right")
 VARIABLES = ("x", "y", "heading", "heat")

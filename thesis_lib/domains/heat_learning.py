@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import BoolArray, FloatArray, IntArray
+from thesis_lib.checks import generator, one_of, positive_integer, positive_number, probability
 from thesis_lib.compiled import njit
 from thesis_lib.domains.heat import ACTIONS, HeatTask, distance_to, move, place, sense
 from thesis_lib.domains.tiles import TileCoding, active_tiles
-from thesis_lib.mdp.checks import generator, one_of, positive_integer, positive_number, probability
 
 Traces = Literal["replacing", "accumulating"]
 

@@ -7,9 +7,9 @@ from itertools import product
 import numpy as np
 
 from thesis_lib.arrays import FloatArray
+from thesis_lib.checks import positive_integer
 from thesis_lib.domains.domain import Domain
 from thesis_lib.domains.heat import ACTIONS, LAYOUTS, HeatWorld
-from thesis_lib.mdp.checks import positive_integer
 from thesis_lib.mdp.model import TabularMDP
 
 POINTS = 8

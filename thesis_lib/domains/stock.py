@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thesis_lib.arrays import BoolArray, FloatArray, IntArray
+from thesis_lib.checks import one_of, probability
 from thesis_lib.domains.domain import Domain
-from thesis_lib.mdp.checks import one_of, probability
 from thesis_lib.mdp.model import MDP, Outcomes, TabularMDP
 
 Array = TypeVar("Array", bound=NDArray[Any])

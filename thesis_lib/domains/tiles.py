@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import FloatArray, IntArray
+from thesis_lib.arrays import BoolArray, FloatArray, IntArray
 from thesis_lib.compiled import njit
 
 
@@ -85,7 +85,7 @@ class TileCoding:
         return (np.arange(self.tilings) + 0.5) / self.tilings
 
     @cached_property
-    def arrays(self) -> tuple[FloatArray, FloatArray, IntArray, NDArray[np.bool_], FloatArray]:
+    def arrays(self) -> tuple[FloatArray, FloatArray, IntArray, BoolArray, FloatArray]:
         """Lows, tile widths, tiles, periodicity and offsets, as compiled code takes them."""
         low, high = np.array(self.low), np.array(self.high)
         width = (high - low) / np.array(self.intervals)

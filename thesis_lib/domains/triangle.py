@@ -13,6 +13,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from thesis_lib.checks import one_of
 from thesis_lib.domains.domain import Domain
 from thesis_lib.mdp.model import TabularMDP
 
@@ -77,8 +78,7 @@ def layouts(shape: Shape = "ring") -> tuple[TriangleLayout, ...]:
     -------
     tuple[TriangleLayout, ...]
     """
-    if shape not in get_args(Shape):
-        raise ValueError(f"shape is {shape!r}, but it must be one of ring, line.")
+    one_of("shape", shape, get_args(Shape))
     return tuple(
         TriangleLayout(goal, reverse, red, shape)
         for goal in STATES

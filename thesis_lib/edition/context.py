@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 from tqdm import tqdm
 
-from thesis_lib.checks import check_seed, plain_settings
+from thesis_lib.checks import check_seed, plain_settings, positive_integer
 
 ItemT = TypeVar("ItemT")
 ResultT = TypeVar("ResultT")
@@ -45,8 +45,7 @@ class Context:
         check_seed(self.seed)
         plain_settings(self)
         object.__setattr__(self, "drawn", False)
-        if self.workers < 1:
-            raise ValueError(f"workers is {self.workers}, but at least 1 worker is needed.")
+        positive_integer("workers", self.workers)
 
     def seeds(self, n: int, *key: int) -> list[np.random.SeedSequence]:
         """Independent seed sequences for n runs.

@@ -20,8 +20,8 @@ from typing import Any, Generic, TypeVar, get_args, get_type_hints
 import pandas as pd
 
 from thesis_lib.checkout import environment, repository_root
-from thesis_lib.checks import check_seed, plain, shown
-from thesis_lib.edition.budgets import BUDGETS, check_budget
+from thesis_lib.checks import check_seed, one_of, plain, shown
+from thesis_lib.edition.budgets import BUDGETS
 from thesis_lib.edition.context import Context
 from thesis_lib.edition.rows import Returns, columns_of, returns, table_of
 from thesis_lib.files import alone, replacing, writable_directory, write_json
@@ -88,7 +88,7 @@ class Experiment(Generic[ConfigT]):
 
     def config(self, budget: str) -> ConfigT:
         """The config at a budget; ValueError names the budgets when it does not exist."""
-        return self.budgets[check_budget(budget)]
+        return self.budgets[one_of("budget", budget, BUDGETS)]
 
     def run(
         self,

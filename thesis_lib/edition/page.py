@@ -27,9 +27,9 @@ from IPython.core.getipython import get_ipython
 from IPython.display import display
 from threadpoolctl import threadpool_limits
 
-from thesis_lib.checks import check_seed
+from thesis_lib.checks import check_seed, one_of, positive_integer
 from thesis_lib.edition import roots
-from thesis_lib.edition.budgets import check_budget
+from thesis_lib.edition.budgets import BUDGETS
 from thesis_lib.edition.chapters import read_chapter
 from thesis_lib.edition.deepest import deepest
 from thesis_lib.edition.experiment import Experiment
@@ -210,10 +210,9 @@ class Page:
     chosen: dict[type, dict[str, Any]] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
-        check_budget(self.budget)
+        one_of("budget", self.budget, BUDGETS)
         check_seed(self.seed)
-        if isinstance(self.workers, bool) or not isinstance(self.workers, int) or self.workers < 1:
-            raise ValueError(f"workers is {self.workers!r}; give an integer of at least 1.")
+        positive_integer("workers", self.workers)
 
     def choose(self, config: type, **values: Any) -> None:
         """Replace fields in the configs of one class, from here on.

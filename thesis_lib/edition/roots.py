@@ -33,7 +33,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.checkout import commit, repository_root
-from thesis_lib.checks import ForeseenError
+from thesis_lib.checks import ForeseenError, positive_integer
 from thesis_lib.edition import chapters
 from thesis_lib.edition.experiment import Experiment, load, read_csv
 from thesis_lib.edition.ledger import Claim, Finding, OverRoots, Verdict, finding
@@ -325,9 +325,8 @@ def judge_over(
     ValueError
         For less than 1 root or worker.
     """
-    for name, value in (("seeds", roots), ("workers", workers)):
-        if value < 1:
-            raise ValueError(f"{name} is {value}, but at least 1 is needed.")
+    positive_integer("seeds", roots)
+    positive_integer("workers", workers)
     folder = writable_directory(work or repository_root() / "_build" / "claims")
     needed = dict.fromkeys(e for claim in claims for e in claim.experiments)
     known = sorted((_experiments()[e] for e in needed), key=lambda e: -float(e.seconds))

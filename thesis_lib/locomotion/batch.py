@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import BoolArray, FloatArray, IntArray
+from thesis_lib.checks import one_of
 from thesis_lib.locomotion.robots import COM_VELOCITY, ROOT_BODY, Ground, build_model
 from thesis_lib.locomotion.tasks import (
     HORIZON,
@@ -306,8 +307,7 @@ class BatchTask:
         _check_count("threads", threads, least=0)
         if max_episode_steps is not None:
             _check_count("max_episode_steps", max_episode_steps, least=1)
-        if bad_actions not in ("raise", "end"):
-            raise ValueError(f"bad_actions is {bad_actions!r}, but must be 'raise' or 'end'.")
+        one_of("bad_actions", bad_actions, ("raise", "end"))
         self.num_envs = int(num_envs)
         self.perturbations = tuple(perturbations)
         self.max_episode_steps = max_episode_steps

@@ -21,7 +21,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from thesis_lib.arrays import FloatArray
+from thesis_lib.arrays import BoolArray, FloatArray
 from thesis_lib.locomotion.batch import BatchTask, Info
 from thesis_lib.locomotion.options import task_options
 from thesis_lib.locomotion.rendering import Renderer
@@ -275,7 +275,7 @@ class LocomotionVectorEnv(VectorEnv[Any, Any, Any]):
 
     def step(
         self, actions: ArrayLike
-    ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+    ) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
         """Apply one action in each world; see :meth:`gymnasium.vector.VectorEnv.step`.
 
         Raises
@@ -311,7 +311,7 @@ class LocomotionVectorEnv(VectorEnv[Any, Any, Any]):
         hidden = {"true_observation": true_observation} if self.batch.perturbations else {}
         return {"x_position": com[:, 0], **hidden}
 
-    def _info(self, info: Info, restarted: NDArray[np.bool_]) -> dict[str, Any]:
+    def _info(self, info: Info, restarted: BoolArray) -> dict[str, Any]:
         """What Gymnasium's own vector environments make of each world's info.
 
         A reset tells nothing but the place, so that for worlds that have begun anew in this
@@ -334,7 +334,7 @@ class LocomotionVectorEnv(VectorEnv[Any, Any, Any]):
         return infos
 
     def _marked(
-        self, values: dict[str, NDArray[Any]], mask: NDArray[np.bool_] | None = None
+        self, values: dict[str, NDArray[Any]], mask: BoolArray | None = None
     ) -> dict[str, Any]:
         """Beside each entry, which worlds it holds for; it is 0 for the others."""
         mask = np.ones(self.num_envs, dtype=bool) if mask is None else mask

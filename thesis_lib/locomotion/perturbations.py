@@ -19,7 +19,7 @@ import mujoco
 import numpy as np
 
 from thesis_lib.arrays import FloatArray, IntArray
-from thesis_lib.checks import plain_settings
+from thesis_lib.checks import one_of, plain_settings
 from thesis_lib.locomotion.batch import Attachment, Effect, Perturbation
 from thesis_lib.locomotion.height_field import Extent
 from thesis_lib.locomotion.robots import ROOT_BODY, Ground, total_mass
@@ -286,10 +286,7 @@ def occlusion(
     ValueError
         If the reading is unknown.
     """
-    if reading not in SUBSETS:
-        allowed = ", ".join(map(repr, SUBSETS))
-        raise ValueError(f"reading is {reading!r}, but it must be one of {allowed}.")
-    keep = SUBSETS[reading].get(robot)
+    keep = SUBSETS[one_of("reading", reading, SUBSETS)].get(robot)
     return None if keep is None else SensorSubset(keep)
 
 

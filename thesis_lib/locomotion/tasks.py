@@ -16,6 +16,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from thesis_lib.arrays import BoolArray, FloatArray
+from thesis_lib.checks import one_of
 from thesis_lib.locomotion.robots import ROBOTS, Limits, Robot, get_robot
 from thesis_lib.registration import HORIZON as HORIZON
 
@@ -450,12 +451,8 @@ def make_task(
     20
     """
     robot = get_robot(name)
-    if reading not in get_args(Reading):
-        raise ValueError(f"There is no reading {reading!r}; choose {_or(get_args(Reading))}.")
-    if termination not in get_args(Termination):
-        raise ValueError(
-            f"There is no termination {termination!r}; choose {_or(get_args(Termination))}."
-        )
+    one_of("reading", reading, get_args(Reading))
+    one_of("termination", termination, get_args(Termination))
     if control_cost is None:
         control_cost = _CONTROL_COST.get(name, {}).get(reading, 0.005)
     if alive_bonus is None:
@@ -491,10 +488,6 @@ def _check_limits(robot: Robot, limits: Limits) -> None:
                 f"robot {robot.name!r} has {limits}, but no {name}_index: say where its positions "
                 f"hold its {name}, or drop the limit."
             )
-
-
-def _or(names: tuple[str, ...]) -> str:
-    return ", ".join(repr(name) for name in names[:-1]) + f" or {names[-1]!r}"
 
 
 TASKS = tuple(ROBOTS)

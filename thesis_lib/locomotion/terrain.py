@@ -12,16 +12,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Literal, TypeVar
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.ndimage import uniform_filter
 
 from thesis_lib.arrays import FloatArray
+from thesis_lib.checks import one_of
 from thesis_lib.locomotion.height_field import Extent, HeightField, Interval
-
-_T = TypeVar("_T")
 
 _CUTOFF = 5.0
 """Standard deviations after which a hill counts as nothing: a relative height of 4e-6."""
@@ -218,8 +217,8 @@ def hills(
     exactly the flat task.  Valleys deeper than the floor are filled: under 3 % of the ground
     at difficulty 1.
     """
-    law = _named(PRESETS, preset, "preset")
-    site = _named(_SITES, robot, "robot")
+    law = PRESETS[one_of("preset", preset, PRESETS)]
+    site = _SITES[one_of("robot", robot, _SITES)]
     if not (np.isfinite(difficulty) and difficulty >= 0):
         raise ValueError(
             f"difficulty is {difficulty}, but it must be a finite number of metres, 0 or more."
@@ -436,10 +435,3 @@ def _switch(switch_at: float | str, site: _Site, bounds: Extent) -> float:
             f"from {PATCH:g} m to below {bounds[0][1]:g} m."
         )
     return value
-
-
-def _named(table: Mapping[str, _T], name: str, what: str) -> _T:
-    """Look a name up; ValueError with the known names when it is missing."""
-    if name not in table:
-        raise ValueError(f"{what} is {name!r}, but it must be one of {', '.join(table)}.")
-    return table[name]

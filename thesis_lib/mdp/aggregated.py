@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import FloatArray
+from thesis_lib.checks import generator, positive_integer
 from thesis_lib.compiled import njit
-from thesis_lib.mdp.checks import generator, positive_integer, require_mdp, schedule, table
+from thesis_lib.mdp.checks import require_mdp, schedule, table
 from thesis_lib.mdp.greedy import tie_tolerance
 from thesis_lib.mdp.learning import _choose, _first_state
 from thesis_lib.mdp.model import MDP

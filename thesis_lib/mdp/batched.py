@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import FloatArray, IntArray
+from thesis_lib.checks import generator, one_of, positive_integer
 from thesis_lib.compiled import njit
-from thesis_lib.mdp.checks import generator, one_of, positive_integer, schedule
+from thesis_lib.mdp.checks import schedule
 from thesis_lib.mdp.greedy import RELATIVE_TIE
 from thesis_lib.mdp.learning import DOUBLE_Q_LEARNING, ENDS, METHODS, STRETCH, Method, _run
 from thesis_lib.mdp.model import MDP

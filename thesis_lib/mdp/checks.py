@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TypeVar
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,37 +12,6 @@ from thesis_lib.mdp.model import MDP
 
 Schedule = float | ArrayLike | Callable[[np.ndarray], ArrayLike]
 """A constant, one value an episode or step, or a function from 0, 1, 2, ... to those values."""
-
-Choice = TypeVar("Choice", bound=str)
-
-
-def generator(rng: np.random.Generator | int) -> np.random.Generator:
-    """Turn a seed into a generator, and let a generator through.
-
-    Parameters
-    ----------
-    rng
-        A NumPy generator, or a seed: an integer of at least 0.
-
-    Raises
-    ------
-    ValueError
-        When the seed is negative or no integer.
-    """
-    if isinstance(rng, np.random.Generator):
-        return rng
-    if isinstance(rng, bool) or not isinstance(rng, (int, np.integer)) or rng < 0:
-        raise ValueError(
-            f"rng is {rng!r}, but it must be a numpy Generator or a seed, an integer of at least 0."
-        )
-    return np.random.default_rng(int(rng))
-
-
-def one_of(name: str, value: Choice, allowed: Sequence[Choice]) -> Choice:
-    """Return ``value`` if it is one of ``allowed``, and raise ValueError otherwise."""
-    if value not in allowed:
-        raise ValueError(f"{name} is {value!r}, but it must be one of {', '.join(allowed)}.")
-    return value
 
 
 def require_mdp(mdp: MDP) -> None:
@@ -58,27 +26,6 @@ def require_mdp(mdp: MDP) -> None:
     else:
         instead = "an MDP such as TabularMDP(transition, reward, start) or domain.tasks[0]"
     raise ValueError(f"a task is needed, but {mdp!r:.200} was given; pass {instead}.")
-
-
-def positive_integer(name: str, value: int) -> int:
-    """Return ``value`` if it is an integer of at least 1, and raise ValueError otherwise."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-        raise ValueError(f"{name} is {value!r}, but it must be an integer of at least 1.")
-    return int(value)
-
-
-def probability(name: str, value: float) -> float:
-    """Return ``value`` if it is in [0, 1], and raise ValueError otherwise."""
-    if not 0.0 <= value <= 1.0:
-        raise ValueError(f"{name} is {value}, but it must be in [0, 1].")
-    return float(value)
-
-
-def positive_number(name: str, value: float) -> float:
-    """Return ``value`` if it is finite and above 0, and raise ValueError otherwise."""
-    if not 0.0 < value < np.inf:
-        raise ValueError(f"{name} is {value}, but it must be a number above 0.")
-    return float(value)
 
 
 def schedule(

@@ -8,9 +8,11 @@ from typing import Any, Literal
 import gymnasium
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from thesis_lib.mdp.checks import one_of, require_mdp
+from thesis_lib.arrays import FloatArray, IntArray
+from thesis_lib.checks import one_of
+from thesis_lib.mdp.checks import require_mdp
 from thesis_lib.mdp.model import MDP, TabularMDP
 from thesis_lib.mdp.sampling import draw, sampler
 
@@ -76,7 +78,7 @@ class TabularEnv(gymnasium.Env[Any, Any]):
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[np.int64 | NDArray[np.int64], dict[str, Any]]:
+    ) -> tuple[np.int64 | IntArray, dict[str, Any]]:
         """Start an episode.
 
         Parameters
@@ -105,9 +107,7 @@ class TabularEnv(gymnasium.Env[Any, Any]):
             self._state = int(forced)
         return self._observe()
 
-    def step(
-        self, action: int
-    ) -> tuple[np.int64 | NDArray[np.int64], float, bool, bool, dict[str, Any]]:
+    def step(self, action: int) -> tuple[np.int64 | IntArray, float, bool, bool, dict[str, Any]]:
         """Take an action.
 
         Returns
@@ -136,10 +136,10 @@ class TabularEnv(gymnasium.Env[Any, Any]):
         observation, info = self._observe()
         return observation, reward, bool(source.terminal[self._state]), False, info
 
-    def _draw(self, row: NDArray[np.float64]) -> int:
+    def _draw(self, row: FloatArray) -> int:
         return 0 if row[0] >= 1.0 else int(draw(row, self.np_random.random()))
 
-    def _observe(self) -> tuple[np.int64 | NDArray[np.int64], dict[str, Any]]:
+    def _observe(self) -> tuple[np.int64 | IntArray, dict[str, Any]]:
         s = self._state
         values = self._features[s]
         named = dict(zip(self.mdp.features, values.tolist(), strict=True))

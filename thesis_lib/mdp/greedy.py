@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import BoolArray, FloatArray
-from thesis_lib.mdp.checks import one_of, probability
+from thesis_lib.checks import one_of, probability
 
 Exploration = Literal["all", "others"]
 """What the random action is drawn from: all actions, or those that are not greedy."""

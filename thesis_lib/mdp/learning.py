@@ -10,16 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thesis_lib.arrays import BoolArray, FloatArray, IntArray
+from thesis_lib.checks import generator, one_of, positive_integer
 from thesis_lib.compiled import njit
-from thesis_lib.mdp.checks import (
-    Schedule,
-    generator,
-    one_of,
-    positive_integer,
-    require_mdp,
-    schedule,
-    table,
-)
+from thesis_lib.mdp.checks import Schedule, require_mdp, schedule, table
 from thesis_lib.mdp.greedy import EXPLORATIONS, Exploration, tie_tolerance
 from thesis_lib.mdp.model import MDP
 from thesis_lib.mdp.sampling import draw, sampler
@@ -87,7 +80,7 @@ class Learned:
     n_steps: int
     episode_returns: FloatArray
     episode_lengths: IntArray
-    truncated: NDArray[np.bool_]
+    truncated: BoolArray
     visits: IntArray
     checkpoint_steps: IntArray
     checkpoint_rewards: FloatArray

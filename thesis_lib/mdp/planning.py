@@ -14,17 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import FloatArray, IntArray
+from thesis_lib.checks import one_of, positive_integer, positive_number, probability
 from thesis_lib.compiled import njit
-from thesis_lib.mdp.checks import (
-    one_of,
-    policy_matrix,
-    positive_integer,
-    positive_number,
-    probability,
-    require_mdp,
-    state_values,
-    table,
-)
+from thesis_lib.mdp.checks import policy_matrix, require_mdp, state_values, table
 from thesis_lib.mdp.evaluation import (
     Values,
     evaluate,
@@ -470,7 +462,8 @@ def soft_policy_iteration(
         Probability of a random action, in [0, 1].
     exploration
         Whether the random action is drawn from ``"all"`` actions or from the ``"others"``,
-        those that are not preferred; then epsilon can be at most (A - 1) / A.
+        those that are not preferred; then epsilon can be at most (A - 1) / A, unless there is
+        one action, which is taken all the same.
 
     Returns
     -------
@@ -486,7 +479,7 @@ def soft_policy_iteration(
     epsilon = probability("epsilon", epsilon)
     one_of("exploration", exploration, EXPLORATIONS)
     A = mdp.n_actions
-    if exploration == "others" and epsilon > (A - 1) / A:
+    if exploration == "others" and A > 1 and epsilon > (A - 1) / A:
         raise ValueError(
             f"epsilon is {epsilon}, but with exploration by the other {A - 1} actions it must be "
             f"at most {(A - 1) / A:.6g}, where the preferred action is no likelier than they."

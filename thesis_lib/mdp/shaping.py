@@ -14,7 +14,7 @@ import numpy as np
 from gymnasium.spaces import Discrete
 from numpy.typing import ArrayLike
 
-from thesis_lib.mdp.checks import probability
+from thesis_lib.checks import probability
 
 
 class PotentialShaping(gymnasium.Wrapper[Any, Any, Any, Any]):

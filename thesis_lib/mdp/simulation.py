@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import FloatArray, IntArray
+from thesis_lib.checks import generator, positive_integer
 from thesis_lib.compiled import njit
-from thesis_lib.mdp.checks import generator, policy_matrix, positive_integer
+from thesis_lib.mdp.checks import policy_matrix
 from thesis_lib.mdp.evaluation import ends
 from thesis_lib.mdp.model import MDP
 from thesis_lib.mdp.sampling import cumulative, draw, sampler

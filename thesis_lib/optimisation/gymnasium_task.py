@@ -14,6 +14,7 @@ from gymnasium.wrappers import TransformObservation
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import FloatArray
+from thesis_lib.checks import positive_integer
 from thesis_lib.optimisation.vector_task import Step
 
 
@@ -66,8 +67,7 @@ class GymnasiumTask:
         dt: float | None = None,
         **options: Any,
     ) -> None:
-        if num_envs < 1:
-            raise ValueError(f"num_envs is {num_envs}, but it must be at least 1.")
+        positive_integer("num_envs", num_envs)
         if options and not isinstance(env, str):
             raise ValueError(
                 f"{', '.join(options)} is given beside a function that makes an environment; let "

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from thesis_lib.checks import one_of, probability
 from thesis_lib.optimisation.baseline import Baseline, LinearBaseline
 from thesis_lib.optimisation.problem import Algorithm, UpdateReport, make_batch
 from thesis_lib.optimisation.returns import (
     advantages,
-    check_fraction,
     discounted_returns,
     standardised,
 )
@@ -62,12 +62,9 @@ class Learner:
     targets: str = "returns"
 
     def __post_init__(self) -> None:
-        check_fraction("discount", self.discount)
-        check_fraction("gae_lambda", self.gae_lambda)
-        if self.targets not in TARGETS:
-            raise ValueError(
-                f"targets {self.targets!r} do not exist: choose one of {', '.join(TARGETS)}."
-            )
+        probability("discount", self.discount)
+        probability("gae_lambda", self.gae_lambda)
+        one_of("targets", self.targets, TARGETS)
 
     def improve(self, rollouts: Rollouts) -> UpdateReport:
         """Lines 4 to 8 of algorithm 5, or 4 to 9 of algorithm 6.

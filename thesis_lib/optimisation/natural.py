@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
+from thesis_lib.checks import positive_number
 from thesis_lib.optimisation.conjugate_gradient import Solution, conjugate_gradient
 from thesis_lib.optimisation.problem import (
     Batch,
     LocalProblem,
     UpdateReport,
-    check_positive,
     report,
 )
 from thesis_lib.policies import GaussianPolicy
@@ -94,7 +94,7 @@ class NaturalPG:
             )
         for name in ("learning_rate", "delta", "cg_iterations", "damping"):
             if getattr(self, name) is not None:
-                check_positive(name, getattr(self, name))
+                positive_number(name, getattr(self, name))
 
     def update(self, policy: GaussianPolicy, batch: Batch) -> UpdateReport:
         """Make one step."""

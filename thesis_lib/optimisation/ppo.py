@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import torch
 
+from thesis_lib.checks import positive_number
 from thesis_lib.optimisation.problem import (
     Batch,
     LocalProblem,
     UpdateReport,
-    check_positive,
     report,
 )
 from thesis_lib.policies import GaussianPolicy, log_likelihood
@@ -58,7 +58,7 @@ class PPO:
             ("epochs", epochs),
             ("minibatches", minibatches),
         ):
-            check_positive(name, value)
+            positive_number(name, value)
         self.clip = clip
         self.learning_rate = learning_rate
         self.epochs = epochs

@@ -2,15 +2,15 @@ r"""The constrained problem a policy update solves (equations 2.13 to 2.15)."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
+from thesis_lib.arrays import FloatArray, IntArray
+from thesis_lib.checks import one_of
 from thesis_lib.optimisation.rollouts import Rollouts
 from thesis_lib.policies import (
     GaussianPolicy,
@@ -48,7 +48,7 @@ class Batch:
         """Layout of the rows."""
         return self.sequences.packing
 
-    def episodes(self, chosen: NDArray[np.int64]) -> Batch:
+    def episodes(self, chosen: IntArray) -> Batch:
         """The part of the batch that consists of some of its episodes."""
         packing = Packing(self.packing.lengths[chosen])
         place = np.empty(self.packing.n_episodes, dtype=np.int64)
@@ -62,9 +62,7 @@ class Batch:
         return Batch(sequences, self.actions[index], self.advantages[index])
 
 
-def make_batch(
-    policy: GaussianPolicy, rollouts: Rollouts, advantages: NDArray[np.float64]
-) -> Batch:
+def make_batch(policy: GaussianPolicy, rollouts: Rollouts, advantages: FloatArray) -> Batch:
     """Put rollouts and their advantages into the number type of the policy.
 
     Parameters
@@ -126,7 +124,7 @@ class LocalProblem:
     """
 
     def __init__(self, policy: GaussianPolicy, batch: Batch, kl_direction: str = "old_new") -> None:
-        check_direction(kl_direction)
+        one_of("kl_direction", kl_direction, KL_DIRECTIONS)
         self.policy = policy
         self.batch = batch
         self.kl_direction = kl_direction
@@ -294,18 +292,3 @@ def report(
         backtracks=backtracks,
         residual=residual,
     )
-
-
-def check_positive(name: str, value: float) -> None:
-    """Raise ValueError unless a setting is a positive number."""
-    if not (math.isfinite(value) and value > 0):
-        raise ValueError(f"{name} is {value}, but it must be positive.")
-
-
-def check_direction(kl_direction: str) -> None:
-    """Raise ValueError unless the direction of the divergence exists."""
-    if kl_direction not in KL_DIRECTIONS:
-        raise ValueError(
-            f"kl_direction {kl_direction!r} does not exist: choose one of "
-            f"{', '.join(KL_DIRECTIONS)}."
-        )

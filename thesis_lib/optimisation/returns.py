@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from thesis_lib.arrays import FloatArray
+from thesis_lib.checks import probability
 from thesis_lib.policies import Packing
 
 
@@ -34,9 +35,7 @@ def discounted_returns(rewards: FloatArray, packing: Packing, discount: float) -
     -----
     Source: line 5 of algorithms 5 and 6.  What follows the last step counts as 0.
     """
-    return _discounted_sums(
-        _checked(rewards, packing), packing, check_fraction("discount", discount)
-    )
+    return _discounted_sums(_checked(rewards, packing), packing, probability("discount", discount))
 
 
 def advantages(
@@ -84,8 +83,8 @@ def advantages(
     """
     rewards, values = _checked(rewards, packing), _checked(values, packing)
     discount, gae_lambda = (
-        check_fraction("discount", discount),
-        check_fraction("gae_lambda", gae_lambda),
+        probability("discount", discount),
+        probability("gae_lambda", gae_lambda),
     )
     following = np.zeros_like(values)
     following[packing.previous] = values[packing.n_episodes :]
@@ -117,10 +116,3 @@ def _checked(values: FloatArray, packing: Packing) -> FloatArray:
             "steps, one number each."
         )
     return array
-
-
-def check_fraction(name: str, value: float) -> float:
-    """Return a number in [0, 1]; ValueError for any other."""
-    if not 0 <= value <= 1:
-        raise ValueError(f"{name} is {value}, but it must be in [0, 1].")
-    return float(value)

@@ -22,7 +22,7 @@ import gymnasium
 import gymnasium.vector
 import numpy as np
 import torch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from thesis_lib.arrays import BoolArray, FloatArray, IntArray
 from thesis_lib.optimisation.vector_task import VectorTask
@@ -61,32 +61,6 @@ class Rollouts:
     final_observations: FloatArray
     hidden: torch.Tensor | None = None
     n_simulated: int = 0
-
-    @staticmethod
-    def from_padded(
-        observations: ArrayLike, actions: ArrayLike, rewards: ArrayLike, mask: ArrayLike
-    ) -> Rollouts:
-        """Make a batch from padded arrays.
-
-        Parameters
-        ----------
-        observations, actions, rewards
-            Shapes ``(T, B, D)``, ``(T, B, A)`` and ``(T, B)``; what stands in the
-            padding is ignored.
-        mask
-            True where a step happened, shape ``(T, B)``.
-        """
-        packing = Packing.from_mask(mask)
-        o, a, r = (np.asarray(x, dtype=np.float64) for x in (observations, actions, rewards))
-        return Rollouts(
-            packing=packing,
-            observations=packing.pack(o),
-            actions=packing.pack(a),
-            rewards=packing.pack(r),
-            terminated=np.zeros(packing.n_episodes, dtype=bool),
-            final_observations=np.zeros((packing.n_episodes, o.shape[-1])),
-            n_simulated=packing.n_steps,
-        )
 
     @property
     def n_steps(self) -> int:

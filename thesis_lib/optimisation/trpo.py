@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from thesis_lib.checks import one_of, positive_number
 from thesis_lib.optimisation.natural import full_step, natural_direction
 from thesis_lib.optimisation.problem import (
     KL_DIRECTIONS,
     Batch,
     LocalProblem,
     UpdateReport,
-    check_direction,
-    check_positive,
     report,
 )
 from thesis_lib.policies import GaussianPolicy
@@ -52,8 +51,8 @@ class TRPO:
 
     def __post_init__(self) -> None:
         for name in ("delta", "cg_iterations", "damping", "backtrack_ratio", "max_backtracks"):
-            check_positive(name, getattr(self, name))
-        check_direction(self.kl_direction)
+            positive_number(name, getattr(self, name))
+        one_of("kl_direction", self.kl_direction, KL_DIRECTIONS)
         if self.backtrack_ratio >= 1:
             raise ValueError(
                 f"backtrack_ratio is {self.backtrack_ratio}, but it must be below 1 for the line "

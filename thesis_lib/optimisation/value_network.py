@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from thesis_lib.arrays import FloatArray, IntArray
-from thesis_lib.optimisation.problem import check_positive
+from thesis_lib.checks import positive_number
 from thesis_lib.policies.initial import empty_linear, random_source
 
 
@@ -96,7 +96,7 @@ class ValueNetwork:
             ("minibatch", minibatch),
             ("the smallest layer of hidden", min(hidden, default=1)),
         ):
-            check_positive(name, value)
+            positive_number(name, value)
         self.hidden = tuple(hidden)
         self.learning_rate = learning_rate
         self.epochs = epochs

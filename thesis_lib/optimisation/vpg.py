@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from thesis_lib.checks import one_of, positive_number
 from thesis_lib.optimisation.problem import (
     Batch,
     LocalProblem,
     UpdateReport,
-    check_positive,
     report,
 )
 from thesis_lib.policies import GaussianPolicy
@@ -39,8 +39,8 @@ class VPG:
     average: str = "trajectories"
 
     def __post_init__(self) -> None:
-        check_positive("learning_rate", self.learning_rate)
-        check_average(self.average)
+        positive_number("learning_rate", self.learning_rate)
+        one_of("average", self.average, AVERAGES)
 
     def update(self, policy: GaussianPolicy, batch: Batch) -> UpdateReport:
         """Make one step."""
@@ -56,11 +56,3 @@ def gradient_scale(batch: Batch, average: str) -> float:
     if average == "steps":
         return 1.0
     return batch.packing.n_steps / batch.packing.n_episodes
-
-
-def check_average(average: str) -> None:
-    """Raise ValueError unless the average exists."""
-    if average not in AVERAGES:
-        raise ValueError(
-            f"average {average!r} does not exist: choose one of {', '.join(AVERAGES)}."
-        )

@@ -10,12 +10,13 @@ from __future__ import annotations
 import abc
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
+from thesis_lib.checks import positive_integer
 from thesis_lib.policies.initial import empty_linear
 from thesis_lib.policies.packing import Packing
 
@@ -86,6 +87,15 @@ class Linearised(abc.ABC):
         """
 
 
+class PolicyOptions(TypedDict, total=False):
+    """What every policy takes by these names; see :class:`GaussianPolicy`."""
+
+    features: Sequence[int] | None
+    initial_log_std: float
+    min_log_std: float | None
+    dtype: torch.dtype
+
+
 class GaussianPolicy(nn.Module, abc.ABC):
     r"""A policy :math:`\pi_\theta(a|s) = N(\mu_\theta(s), \mathrm{diag}(\sigma^2))` (section 5.2).
 
@@ -141,8 +151,7 @@ class GaussianPolicy(nn.Module, abc.ABC):
             ("action_size", action_size),
             ("hidden_size", hidden_size),
         ):
-            if size < 1:
-                raise ValueError(f"{name} is {size}, but it must be at least 1.")
+            positive_integer(name, size)
         self.observation_size = observation_size
         self.action_size = action_size
         self.hidden_size = hidden_size

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from typing import Unpack
 
 import numpy as np
 import torch
 from scipy.sparse.linalg import ArpackNoConvergence, eigs
 from torch import Tensor
 
+from thesis_lib.checks import positive_number
 from thesis_lib.policies.base import Linearised, Sequences
 from thesis_lib.policies.initial import glorot_, random_source, uniform_
 from thesis_lib.policies.recurrence import RecurrentLinearised
-from thesis_lib.policies.recurrent import Recur, RecurrentPolicy
+from thesis_lib.policies.recurrent import Recur, RecurrentOptions, RecurrentPolicy
 
 WEIGHT_BOUND = 0.5
 """Fixed weights are drawn from U(-0.5, 0.5)."""
@@ -62,12 +62,10 @@ class ESN(RecurrentPolicy):
         l in (0, 1]; 0.5 in the author's code, 1 in the text.
     seed
         Source of the reservoir and of the readout's initial weights.
-    trainable_initial_state
-        The author also learned the state before the first step.  This needs
-        backpropagation through the reservoir, hundreds of times the cost, for something
-        the reservoir forgets, and is off by default.
-    features, previous_action, initial_log_std, min_log_std, dtype
-        See :class:`~thesis_lib.policies.recurrent.RecurrentPolicy`.
+    **options
+        See :class:`~thesis_lib.policies.recurrent.RecurrentPolicy`.  The author also learned the
+        state before the first step (``trainable_initial_state``).  This needs backpropagation
+        through the reservoir, hundreds of times the cost, for something the reservoir forgets.
 
     Raises
     ------
@@ -87,30 +85,13 @@ class ESN(RecurrentPolicy):
         spectral_radius: float = 1.1,
         density: float = 1.0,
         leak: float = 0.5,
-        trainable_initial_state: bool = False,
-        features: Sequence[int] | None = None,
-        previous_action: bool = True,
-        initial_log_std: float = 0.0,
-        min_log_std: float | None = None,
-        dtype: torch.dtype = torch.float32,
+        **options: Unpack[RecurrentOptions],
     ) -> None:
-        if not (math.isfinite(spectral_radius) and spectral_radius > 0):
-            raise ValueError(f"spectral_radius is {spectral_radius}, but it must be positive.")
+        positive_number("spectral_radius", spectral_radius)
         for name, value in (("density", density), ("leak", leak)):
             if not 0 < value <= 1:
                 raise ValueError(f"{name} is {value}, but it must be above 0 and at most 1.")
-        super().__init__(
-            observation_size,
-            action_size,
-            units,
-            bias=False,
-            trainable_initial_state=trainable_initial_state,
-            features=features,
-            previous_action=previous_action,
-            initial_log_std=initial_log_std,
-            min_log_std=min_log_std,
-            dtype=dtype,
-        )
+        super().__init__(observation_size, action_size, units, bias=False, **options)
         self.spectral_radius = float(spectral_radius)
         self.density = float(density)
         self.leak = float(leak)

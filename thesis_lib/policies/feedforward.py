@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
+from typing import Unpack
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from thesis_lib.policies.base import GaussianPolicy, Linearised, Sequences
+from thesis_lib.checks import one_of
+from thesis_lib.policies.base import GaussianPolicy, Linearised, PolicyOptions, Sequences
 from thesis_lib.policies.initial import empty_linear, glorot_, random_source
 
 Activation = Callable[[Tensor], Tensor]
@@ -23,6 +25,9 @@ ACTIVATIONS: Mapping[str, Activation] = {"tanh": torch.tanh, "softplus": functio
 
 INITIALISATIONS = ("glorot", "orthogonal")
 """Laws of the initial weights."""
+
+MIN_LOG_STD = -13.815510557964274
+"""Floor under the logarithm of the standard deviation, that of 1e-6, as in the author's code."""
 
 CHUNK = 2000
 """Rows worked on at a time, so that a chunk's layers stay in the processor's cache."""
@@ -47,9 +52,9 @@ class FeedforwardPolicy(GaussianPolicy):
         libraries have it.
     seed
         Of the weights; biases are 0.
-    dtype, options
+    previous_action, **options
         See :class:`~thesis_lib.policies.base.GaussianPolicy`; the floor under the
-        standard deviation is 1e-6 as in the author's code.
+        standard deviation is by default :data:`MIN_LOG_STD`.
     """
 
     architecture = "ffwd"
@@ -64,43 +69,32 @@ class FeedforwardPolicy(GaussianPolicy):
         bias: bool = True,
         initialisation: str = "glorot",
         seed: int = 0,
-        features: Sequence[int] | None = None,
         previous_action: bool = False,
-        initial_log_std: float = 0.0,
-        min_log_std: float | None = -13.815510557964274,
-        dtype: torch.dtype = torch.float32,
+        **options: Unpack[PolicyOptions],
     ) -> None:
-        if activation not in ACTIVATIONS:
-            raise ValueError(
-                f"activation {activation!r} does not exist: choose one of {', '.join(ACTIVATIONS)}."
-            )
-        if initialisation not in INITIALISATIONS:
-            raise ValueError(
-                f"initialisation {initialisation!r} does not exist: choose one of "
-                f"{', '.join(INITIALISATIONS)}."
-            )
+        one_of("activation", activation, ACTIVATIONS)
+        one_of("initialisation", initialisation, INITIALISATIONS)
         for size in hidden:
             if size < 1:
                 raise ValueError(f"hidden has a layer of {size} units, but at least 1 is needed.")
+        options.setdefault("min_log_std", MIN_LOG_STD)
+        features = options.get("features")
         seen = observation_size if features is None else len(features)
         n_inputs = seen + (action_size if previous_action else 0)
         super().__init__(
             observation_size,
             action_size,
             [n_inputs, *hidden][-1],
-            features=features,
             previous_action=previous_action,
-            initial_log_std=initial_log_std,
-            min_log_std=min_log_std,
-            dtype=dtype,
+            **options,
         )
         self.activation = ACTIVATIONS[activation]
         widths = [n_inputs, *hidden]
         self.layers = nn.ModuleList(
-            empty_linear(i, o, bias=bias, dtype=dtype) for i, o in pairwise(widths)
+            empty_linear(i, o, bias=bias, dtype=self.dtype) for i, o in pairwise(widths)
         )
         if not bias:
-            self.head = empty_linear(self.hidden_size, action_size, bias=False, dtype=dtype)
+            self.head = empty_linear(self.hidden_size, action_size, bias=False, dtype=self.dtype)
         generator = random_source(seed)
         for layer in [*self.layers, self.head]:
             if initialisation == "glorot":

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Unpack
 
 import torch
 from torch import Tensor
 
+from thesis_lib.checks import one_of
 from thesis_lib.policies.initial import glorot_, orthogonal_, random_source
-from thesis_lib.policies.recurrent import Recur, RecurrentPolicy
+from thesis_lib.policies.recurrent import Recur, RecurrentOptions, RecurrentPolicy
 
 INITIALISATIONS = ("glorot", "orthogonal")
 """Glorot-uniform everywhere, or recurrent gates orthogonal with gain 1.1."""
@@ -17,12 +18,6 @@ CANDIDATES = ("tanh", "logistic")
 """Transfer function of the LSTM's candidate: the author's code, and the text."""
 
 ORTHOGONAL_GAIN = 1.1
-
-
-def _check(name: str, value: str, allowed: tuple[str, ...]) -> str:
-    if value not in allowed:
-        raise ValueError(f"{name} {value!r} does not exist: choose one of {', '.join(allowed)}.")
-    return value
 
 
 class _Gated(RecurrentPolicy):
@@ -56,7 +51,7 @@ class GRU(_Gated):
         ``"glorot"`` (the author's Theano net) or ``"orthogonal"`` (the TensorFlow one).
     seed
         Source of the initial weights; biases are 0.
-    trainable_initial_state, features, previous_action, initial_log_std, min_log_std, dtype
+    **options
         See :class:`~thesis_lib.policies.recurrent.RecurrentPolicy`.
     """
 
@@ -70,26 +65,10 @@ class GRU(_Gated):
         units: int,
         seed: int = 0,
         initialisation: str = "glorot",
-        trainable_initial_state: bool = False,
-        features: Sequence[int] | None = None,
-        previous_action: bool = True,
-        initial_log_std: float = 0.0,
-        min_log_std: float | None = None,
-        dtype: torch.dtype = torch.float32,
+        **options: Unpack[RecurrentOptions],
     ) -> None:
-        _check("initialisation", initialisation, INITIALISATIONS)
-        super().__init__(
-            observation_size,
-            action_size,
-            units,
-            gates=3,
-            trainable_initial_state=trainable_initial_state,
-            features=features,
-            previous_action=previous_action,
-            initial_log_std=initial_log_std,
-            min_log_std=min_log_std,
-            dtype=dtype,
-        )
+        one_of("initialisation", initialisation, INITIALISATIONS)
+        super().__init__(observation_size, action_size, units, gates=3, **options)
         self._initialise(initialisation, seed)
 
     def cell(self, drive: Tensor, state: Tensor, recur: Recur, *coefficients: Tensor) -> Tensor:
@@ -125,7 +104,7 @@ class LSTM(_Gated):
         ``"orthogonal"`` (the author's code) or ``"glorot"``.
     seed
         Source of the initial weights; biases are 0.
-    trainable_initial_state, features, previous_action, initial_log_std, min_log_std, dtype
+    **options
         See :class:`~thesis_lib.policies.recurrent.RecurrentPolicy`.
     """
 
@@ -141,30 +120,13 @@ class LSTM(_Gated):
         candidate: str = "tanh",
         forget_bias: float = 1.0,
         initialisation: str = "orthogonal",
-        trainable_initial_state: bool = False,
-        features: Sequence[int] | None = None,
-        previous_action: bool = True,
-        initial_log_std: float = 0.0,
-        min_log_std: float | None = None,
-        dtype: torch.dtype = torch.float32,
+        **options: Unpack[RecurrentOptions],
     ) -> None:
-        _check("initialisation", initialisation, INITIALISATIONS)
-        _check("candidate", candidate, CANDIDATES)
-        super().__init__(
-            observation_size,
-            action_size,
-            units,
-            gates=4,
-            parts=2,
-            trainable_initial_state=trainable_initial_state,
-            features=features,
-            previous_action=previous_action,
-            initial_log_std=initial_log_std,
-            min_log_std=min_log_std,
-            dtype=dtype,
-        )
+        one_of("initialisation", initialisation, INITIALISATIONS)
+        one_of("candidate", candidate, CANDIDATES)
+        super().__init__(observation_size, action_size, units, gates=4, parts=2, **options)
         self.candidate = torch.tanh if candidate == "tanh" else torch.sigmoid
-        shift = torch.zeros(3 * units, dtype=dtype)
+        shift = torch.zeros(3 * units, dtype=self.dtype)
         shift[units : 2 * units] = forget_bias
         self.register_buffer("gate_shift", shift, persistent=False)
         self.gate_shift: Tensor

@@ -15,11 +15,10 @@ from typing import TypeVar
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike, NDArray
 
-from thesis_lib.arrays import IntArray
+from thesis_lib.arrays import BoolArray, FloatArray, IntArray
 
-Rows = TypeVar("Rows", NDArray[np.float64], torch.Tensor)
+Rows = TypeVar("Rows", FloatArray, torch.Tensor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,32 +48,6 @@ class Packing:
             )
         lengths.flags.writeable = False
         object.__setattr__(self, "lengths", lengths)
-
-    @staticmethod
-    def from_mask(mask: ArrayLike) -> Packing:
-        """Read the lengths off a padding mask.
-
-        Parameters
-        ----------
-        mask
-            True where a step happened, shape ``(T, B)``; each column is a run of True
-            followed by a run of False.
-
-        Raises
-        ------
-        ValueError
-            When a column has a gap.
-        """
-        real = np.asarray(mask, dtype=bool)
-        if real.ndim != 2:
-            raise ValueError(f"mask has shape {real.shape}, but (T, B) is needed.")
-        gap = np.flatnonzero((np.diff(real.astype(np.int8), axis=0) > 0).any(axis=0))
-        if len(gap):
-            raise ValueError(
-                f"mask column {gap[0]} has real steps after padding; all padding must follow the "
-                "last step of the episode."
-            )
-        return Packing(real.sum(axis=0))
 
     @property
     def n_episodes(self) -> int:
@@ -158,26 +131,24 @@ class Packing:
             )
         return padded[self.time, self.episode]
 
-    def unpack(self, rows: NDArray[np.float64], fill: float = 0.0) -> NDArray[np.float64]:
+    def unpack(self, rows: FloatArray) -> FloatArray:
         """Lay rows out as a padded array, the inverse of :meth:`pack`.
 
         Parameters
         ----------
         rows
             Shape ``(R, ...)``.
-        fill
-            Value of the padding.
 
         Returns
         -------
-        ndarray
-            Shape ``(T, B, ...)``.
+        FloatArray
+            Shape ``(T, B, ...)``, 0 in the padding.
         """
-        padded = np.full((self.horizon, self.n_episodes, *rows.shape[1:]), fill, dtype=rows.dtype)
+        padded = np.zeros((self.horizon, self.n_episodes, *rows.shape[1:]), dtype=rows.dtype)
         padded[self.time, self.episode] = rows
         return padded
 
-    def mask(self) -> NDArray[np.bool_]:
+    def mask(self) -> BoolArray:
         """True where a padded array holds a real step, shape ``(T, B)``."""
         return np.arange(self.horizon)[:, None] < self.lengths[None, :]
 

@@ -17,17 +17,25 @@ with :class:`~thesis_lib.policies.DualLinearised`.
 from __future__ import annotations
 
 import abc
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
+from typing import Unpack
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from thesis_lib.policies.base import GaussianPolicy, Linearised, Sequences
+from thesis_lib.policies.base import GaussianPolicy, Linearised, PolicyOptions, Sequences
 from thesis_lib.policies.initial import empty_linear
 
 Recur = Callable[[Tensor], Tensor]
+
+
+class RecurrentOptions(PolicyOptions, total=False):
+    """What every recurrent policy takes by these names; see :class:`RecurrentPolicy`."""
+
+    previous_action: bool
+    trainable_initial_state: bool
 
 
 class RecurrentPolicy(GaussianPolicy):
@@ -48,7 +56,7 @@ class RecurrentPolicy(GaussianPolicy):
         Whether the affine map of the input has a bias.
     trainable_initial_state
         Whether the state before the first step is learned; it starts at 0 either way.
-    dtype, features, previous_action, initial_log_std, min_log_std
+    previous_action, **options
         See :class:`~thesis_lib.policies.base.GaussianPolicy`.
     """
 
@@ -62,28 +70,18 @@ class RecurrentPolicy(GaussianPolicy):
         parts: int = 1,
         bias: bool = True,
         trainable_initial_state: bool = False,
-        features: Sequence[int] | None = None,
         previous_action: bool = True,
-        initial_log_std: float = 0.0,
-        min_log_std: float | None = None,
-        dtype: torch.dtype = torch.float32,
+        **options: Unpack[PolicyOptions],
     ) -> None:
         super().__init__(
-            observation_size,
-            action_size,
-            units,
-            features=features,
-            previous_action=previous_action,
-            initial_log_std=initial_log_std,
-            min_log_std=min_log_std,
-            dtype=dtype,
+            observation_size, action_size, units, previous_action=previous_action, **options
         )
         self.units = units
         self.gates = gates
         self.parts = parts
-        self.input = empty_linear(self.input_size, gates * units, bias=bias, dtype=dtype)
-        self.recurrent = empty_linear(units, gates * units, bias=False, dtype=dtype)
-        start = torch.zeros(parts * units, dtype=dtype)
+        self.input = empty_linear(self.input_size, gates * units, bias=bias, dtype=self.dtype)
+        self.recurrent = empty_linear(units, gates * units, bias=False, dtype=self.dtype)
+        start = torch.zeros(parts * units, dtype=self.dtype)
         self.h0 = nn.Parameter(start, requires_grad=trainable_initial_state)
 
     @property

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from typing import Unpack
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from thesis_lib.checks import one_of, positive_number
 from thesis_lib.policies.initial import glorot_, random_source
-from thesis_lib.policies.recurrent import Recur, RecurrentPolicy
+from thesis_lib.policies.recurrent import Recur, RecurrentOptions, RecurrentPolicy
 
 INTEGRATORS = ("heun", "euler", "midpoint")
 """How a CTRNN's differential equation is stepped; the first is the default."""
@@ -31,8 +32,9 @@ class DTRNN(RecurrentPolicy):
         inputs; the author's code has one.
     seed
         W and K are Glorot-uniform from this seed, b is 0.
-    trainable_initial_state, features, previous_action, initial_log_std, min_log_std, dtype
-        See :class:`~thesis_lib.policies.recurrent.RecurrentPolicy`.
+    **options
+        See :class:`~thesis_lib.policies.recurrent.RecurrentPolicy`; the initial state is learned
+        unless ``trainable_initial_state`` is False.
     """
 
     architecture = "dtrnn"
@@ -45,25 +47,10 @@ class DTRNN(RecurrentPolicy):
         units: int,
         seed: int = 0,
         bias: bool = True,
-        trainable_initial_state: bool = True,
-        features: Sequence[int] | None = None,
-        previous_action: bool = True,
-        initial_log_std: float = 0.0,
-        min_log_std: float | None = None,
-        dtype: torch.dtype = torch.float32,
+        **options: Unpack[RecurrentOptions],
     ) -> None:
-        super().__init__(
-            observation_size,
-            action_size,
-            units,
-            bias=bias,
-            trainable_initial_state=trainable_initial_state,
-            features=features,
-            previous_action=previous_action,
-            initial_log_std=initial_log_std,
-            min_log_std=min_log_std,
-            dtype=dtype,
-        )
+        options.setdefault("trainable_initial_state", True)
+        super().__init__(observation_size, action_size, units, bias=bias, **options)
         generator = random_source(seed)
         for layer in (self.input, self.recurrent, self.head):
             glorot_(layer.weight, generator)
@@ -102,8 +89,9 @@ class CTRNN(DTRNN):
         :math:`\rho` learned.
     trainable_time_constant
         Whether :math:`\tau` is learned.
-    trainable_initial_state, features, previous_action, initial_log_std, min_log_std, dtype
-        See :class:`~thesis_lib.policies.recurrent.RecurrentPolicy`.
+    **options
+        See :class:`~thesis_lib.policies.recurrent.RecurrentPolicy`; the initial state is learned
+        unless ``trainable_initial_state`` is False.
 
     Raises
     ------
@@ -127,24 +115,12 @@ class CTRNN(DTRNN):
         constraint: str = "clamp",
         trainable_time_constant: bool = True,
         bias: bool = True,
-        trainable_initial_state: bool = True,
-        features: Sequence[int] | None = None,
-        previous_action: bool = True,
-        initial_log_std: float = 0.0,
-        min_log_std: float | None = None,
-        dtype: torch.dtype = torch.float32,
+        **options: Unpack[RecurrentOptions],
     ) -> None:
-        for name, value, allowed in (
-            ("integrator", integrator, INTEGRATORS),
-            ("constraint", constraint, CONSTRAINTS),
-        ):
-            if value not in allowed:
-                raise ValueError(
-                    f"{name} {value!r} does not exist: choose one of {', '.join(allowed)}."
-                )
-        if not (math.isfinite(dt) and dt > 0):
-            raise ValueError(f"dt is {dt}, but the control step must be positive (seconds).")
-        largest = torch.finfo(dtype).max
+        one_of("integrator", integrator, INTEGRATORS)
+        one_of("constraint", constraint, CONSTRAINTS)
+        positive_number("dt", dt)
+        largest = torch.finfo(options.get("dtype", torch.float32)).max
         if not time_constant <= largest:
             raise ValueError(
                 f"time_constant is {time_constant} s, but it must be a number of seconds up to "
@@ -164,17 +140,7 @@ class CTRNN(DTRNN):
                 f"control step of {dt} s, below which the integrator is unstable."
             )
         super().__init__(
-            observation_size,
-            action_size,
-            units=units,
-            seed=seed,
-            bias=bias,
-            trainable_initial_state=trainable_initial_state,
-            features=features,
-            previous_action=previous_action,
-            initial_log_std=initial_log_std,
-            min_log_std=min_log_std,
-            dtype=dtype,
+            observation_size, action_size, units=units, seed=seed, bias=bias, **options
         )
         self.dt = float(dt)
         self.integrator = integrator
@@ -188,7 +154,7 @@ class CTRNN(DTRNN):
             raw = torch.log(tau - dt)
         else:
             raw = tau
-        self.tau_raw = nn.Parameter(raw.to(dtype), requires_grad=trainable_time_constant)
+        self.tau_raw = nn.Parameter(raw.to(self.dtype), requires_grad=trainable_time_constant)
 
     def time_constants(self) -> Tensor:
         r""":math:`\tau` of every unit in seconds, shape ``(N,)``."""

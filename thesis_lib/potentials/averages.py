@@ -343,9 +343,11 @@ def pair_weights(
         tables = [np.repeat(t.start[:, None], n_actions, 1) / n_actions for t in domain.tasks]
         return _as_weights(domain, tables)
     if kind == "stationary":
-        if policies is None:
+        if policies is None or len(policies) != len(domain):
+            given = "none" if policies is None else len(policies)
             raise ValueError(
-                "kind 'stationary' needs policies, one (states, actions) array a task."
+                f"kind 'stationary' needs policies, one (states, actions) array for each of "
+                f"{len(domain)} tasks, but {given} were given."
             )
         tables = [
             planning.stationary_distribution(task, policy)[:, None] * policy

@@ -16,6 +16,7 @@ import numpy as np
 from scipy import optimize
 
 from thesis_lib.arrays import FloatArray, IntArray
+from thesis_lib.checks import one_of, positive_integer
 from thesis_lib.potentials.cross_task_problem import CrossTaskProblem, softmax_policy
 
 
@@ -70,11 +71,7 @@ class GeneticAlgorithm:
     initial: float = 1.0
 
     def __post_init__(self) -> None:
-        if self.selection not in ("truncation", "tournament", "roulette"):
-            raise ValueError(
-                f"selection {self.selection!r} does not exist: choose truncation, tournament or "
-                "roulette."
-            )
+        one_of("selection", self.selection, ("truncation", "tournament", "roulette"))
         if self.population < 2 or not 0 <= self.elite < self.population or self.generations < 1:
             raise ValueError(
                 f"population {self.population}, elite {self.elite}, generations "
@@ -159,8 +156,7 @@ def gradient_ascent(
     SearchResult
         The best policy of all restarts; ``history`` has the value each restart reached.
     """
-    if restarts < 1:
-        raise ValueError(f"restarts is {restarts}, but at least 1 starting point is needed.")
+    positive_integer("restarts", restarts)
     shape = problem.domain.shape
     reached = np.empty(restarts)
     best, best_value = np.zeros(shape), -np.inf

@@ -9,6 +9,7 @@ import numpy as np
 from scipy import special
 
 from thesis_lib.arrays import FloatArray, IntArray
+from thesis_lib.checks import one_of
 from thesis_lib.compiled import njit
 from thesis_lib.domains.domain import Domain, check_policies
 from thesis_lib.mdp.model import ATOL, MDP
@@ -65,11 +66,7 @@ class CrossTaskProblem:
     _first: IntArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if self.objective not in OBJECTIVES:
-            raise ValueError(
-                f"objective {self.objective!r} does not exist: choose one of "
-                f"{', '.join(OBJECTIVES)}."
-            )
+        one_of("objective", self.objective, OBJECTIVES)
         domain = self.domain
         n_tasks, n_actions = len(domain), len(domain.actions)
         size = int(domain.present.sum(axis=1).max())

@@ -17,6 +17,8 @@ from types import MappingProxyType
 
 import pandas as pd
 
+from thesis_lib.checks import one_of
+
 TABLES: Mapping[str, str] = MappingProxyType(
     {
         "table-3.1": "Total reward on the cliff domain, by potential, algorithm and sensor",
@@ -81,10 +83,7 @@ def load(table: str) -> pd.DataFrame:
     ValueError
         When there is no such table.
     """
-    if table not in TABLES:
-        raise ValueError(
-            f"there is no published table {table!r}; choose one of {', '.join(TABLES)}."
-        )
+    one_of("published table", table, TABLES)
     with (files(__name__) / f"{table}.csv").open(encoding="utf-8") as file:
         frame = pd.read_csv(
             file,

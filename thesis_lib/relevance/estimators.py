@@ -43,7 +43,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import FloatArray
-from thesis_lib.mdp.checks import positive_integer
+from thesis_lib.checks import positive_integer
 from thesis_lib.relevance.cells import Cells, ground, partition
 from thesis_lib.relevance.exact import shared_law
 from thesis_lib.relevance.solutions import Solutions

@@ -47,7 +47,7 @@ from numpy.typing import ArrayLike
 from scipy.special import gammaln
 
 from thesis_lib.arrays import BoolArray, FloatArray, IntArray
-from thesis_lib.mdp.checks import one_of
+from thesis_lib.checks import one_of
 from thesis_lib.relevance.cells import Cells, ground, partition
 from thesis_lib.relevance.solutions import ATOL, Solutions
 from thesis_lib.relevance.subsets import MOST_VISITORS, listed_subsets

@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from thesis_lib.arrays import BoolArray, FloatArray
-from thesis_lib.mdp.checks import one_of
+from thesis_lib.checks import one_of
 from thesis_lib.relevance.estimators import Estimate, law
 from thesis_lib.relevance.exact import check_distribution, check_lengths
 from thesis_lib.relevance.solutions import ACTION, Solutions

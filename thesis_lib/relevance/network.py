@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import BoolArray, FloatArray
-from thesis_lib.mdp.checks import positive_integer
+from thesis_lib.checks import positive_integer
 
 DAMPING = (1e-12, 1e8)
 """Least and largest damping; a fit with the largest has stopped."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import FloatArray, IntArray
-from thesis_lib.mdp.checks import generator, positive_integer
+from thesis_lib.checks import generator, positive_integer
 from thesis_lib.relevance.abstraction import cross_task_q, relevance
 from thesis_lib.relevance.cells import check_labels, ground, partition, sum_groups
 from thesis_lib.relevance.exact import check_distribution, check_lengths, explained_sequences

@@ -334,7 +334,7 @@ def encode(features: IntArray) -> tuple[IntArray, tuple[int, ...]]:
     code = np.zeros(len(features), dtype=np.int64)
     sizes: list[int] = []
     capacity = 1
-    for column in np.ascontiguousarray(np.asarray(features).T):
+    for column in np.ascontiguousarray(np.asarray(features).T, dtype=np.int64):
         low, high = int(column.min()), int(column.max())
         if high - low < 4 * len(column):
             seen = np.zeros(high - low + 1, dtype=np.int64)

@@ -14,7 +14,7 @@ from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted
 
 from thesis_lib.arrays import BoolArray, FloatArray, IntArray
-from thesis_lib.mdp.checks import one_of
+from thesis_lib.checks import one_of
 from thesis_lib.relevance.cells import FeatureCells, ground, keep
 from thesis_lib.relevance.solutions import Solutions
 

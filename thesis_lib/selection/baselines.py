@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import FloatArray
-from thesis_lib.mdp.checks import generator, probability
+from thesis_lib.checks import generator, probability
 from thesis_lib.relevance.cells import Cells, FeatureCells
 from thesis_lib.relevance.exact import check_distribution, check_lengths, explained, limit
 from thesis_lib.relevance.solutions import Solutions
@@ -98,7 +98,7 @@ class ExactRelevance(BackwardElimination):
     def _test(self, call: Call) -> Test:
         D = check_distribution(self.distribution, call.solutions.n_tasks)
         share = probability("tolerance", self.tolerance)
-        if np.isfinite(self.k):
+        if self.k != np.inf:
             check_lengths(self.k)
         total = self._explained(call.ground, D)
         full = total - self._explained(call.ground.keep(()), D)

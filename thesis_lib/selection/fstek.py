@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import norm
 
 from thesis_lib.arrays import FloatArray
-from thesis_lib.mdp.checks import generator, one_of, positive_integer
+from thesis_lib.checks import generator, one_of, positive_integer
 from thesis_lib.relevance.cells import Cells, FeatureCells, ground
 from thesis_lib.relevance.exact import explained_combinations, explained_sequences
 from thesis_lib.relevance.sequences import count_tasks, sample_combinations

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from thesis_lib.arrays import BoolArray, FloatArray
-from thesis_lib.mdp.checks import generator, positive_integer
+from thesis_lib.checks import generator, positive_integer
 from thesis_lib.relevance.linear import Interactions, estimate_from, feature_basis, linear_class
 from thesis_lib.relevance.network import fit_networks
 from thesis_lib.relevance.solutions import Solutions

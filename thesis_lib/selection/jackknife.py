@@ -62,7 +62,7 @@ from typing import Literal
 import numpy as np
 from scipy.stats import f as fisher
 
-from thesis_lib.mdp.checks import one_of
+from thesis_lib.checks import one_of
 from thesis_lib.relevance.cells import FeatureCells
 from thesis_lib.relevance.estimators import (
     Estimate,

@@ -45,7 +45,7 @@ from typing import Literal
 import numpy as np
 
 from thesis_lib.arrays import FloatArray, IntArray
-from thesis_lib.mdp.checks import one_of
+from thesis_lib.checks import one_of
 from thesis_lib.relevance.cells import FeatureCells, ground, keep
 from thesis_lib.relevance.estimators import LEFT, compare
 from thesis_lib.relevance.solutions import Solutions

@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from thesis_lib.arrays import FloatArray
-from thesis_lib.mdp.checks import one_of, positive_integer, probability
+from thesis_lib.checks import one_of, positive_integer, probability
 from thesis_lib.relevance.cells import Cells, FeatureCells
 from thesis_lib.relevance.solutions import ACTION, Solutions
 from thesis_lib.selection.base import ZERO, BackwardElimination, Call, Check, KeepForGood, Test

@@ -18,7 +18,7 @@ from distributed import Client, LocalCluster
 from distributed.client import ClosedClientError, FutureCancelledError
 from distributed.comm import CommClosedError
 
-from thesis_lib.checks import ForeseenError
+from thesis_lib.checks import ForeseenError, positive_integer
 
 SLURM = "slurm"
 """The scheduler that is jobs of SLURM, by dask-jobqueue."""
@@ -110,8 +110,8 @@ def connected(
 def _client(
     tasks: int, workers: int | None, scheduler: str | Client | None, gigabytes: float
 ) -> Iterator[Client]:
-    if workers is not None and workers < 1:
-        raise ValueError(f"workers is {workers}, but at least 1 worker is needed.")
+    if workers is not None:
+        positive_integer("workers", workers)
     if isinstance(scheduler, Client):
         yield scheduler
         return

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -12,7 +11,7 @@ from typing import Any
 import gymnasium
 import torch
 
-from thesis_lib.checks import check_seed, plain_settings
+from thesis_lib.checks import check_seed, one_of, plain_settings, positive_integer, positive_number
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.policies import ARCHITECTURES, DEEP_NETS, RECURRENT_NETS
 from thesis_lib.published import TASKS
@@ -190,27 +189,20 @@ class TrainConfig:
             ("algorithm", ALGORITHMS),
             ("baseline", BASELINES),
             ("features", FEATURES),
-            ("precision", tuple(PRECISIONS)),
+            ("precision", PRECISIONS),
         ):
-            value = getattr(self, name)
-            if value not in allowed:
-                raise ValueError(
-                    f"{name} {value!r} does not exist: choose one of {', '.join(allowed)}."
-                )
+            one_of(name, getattr(self, name), allowed)
         if self.terrain != "flat" and not is_robot(self.task):
             raise ValueError(
                 f"terrain is {self.terrain!r}, but {self.task} has none: leave it flat."
             )
         for name in ("iterations", "batch_steps", "horizon", "maps", "checkpoint_every"):
-            value = getattr(self, name)
-            if value < 1:
-                raise ValueError(f"{name} is {value}, but it must be at least 1.")
-        if self.num_envs is not None and self.num_envs < 1:
-            raise ValueError(f"num_envs is {self.num_envs}, but it must be at least 1.")
+            positive_integer(name, getattr(self, name))
+        if self.num_envs is not None:
+            positive_integer("num_envs", self.num_envs)
         for name in ("delta_kl", "learning_rate"):
-            value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name} is {value}, but it must be positive.")
+            if getattr(self, name) is not None:
+                positive_number(name, getattr(self, name))
         low, high = LOG_STD_RANGE
         if not low <= self.initial_log_std <= high:
             raise ValueError(

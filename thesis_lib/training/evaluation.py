@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from thesis_lib.checkout import environment
-from thesis_lib.checks import check_seed, plain_settings
+from thesis_lib.checks import check_seed, one_of, plain_settings, positive_integer
 from thesis_lib.files import replacing, writable_directory, write_json
 from thesis_lib.locomotion import BatchTask, make_task
 from thesis_lib.locomotion.robots import Ground
@@ -84,21 +84,13 @@ class EvaluateConfig:
         check_seed(self.seed)
         plain_settings(self)
         for name in ("runs", "steps"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} is {getattr(self, name)}, but it must be at least 1.")
+            positive_integer(name, getattr(self, name))
         if self.input_filter < 0:
             raise ValueError(
                 f"input_filter is {self.input_filter}, but a time constant is at least 0 s."
             )
-        if self.terrain not in TERRAINS:
-            raise ValueError(
-                f"terrain {self.terrain!r} does not exist: choose one of {', '.join(TERRAINS)}."
-            )
-        if self.termination not in get_args(Termination):
-            raise ValueError(
-                f"termination {self.termination!r} does not exist: choose one of "
-                f"{', '.join(get_args(Termination))}."
-            )
+        one_of("terrain", self.terrain, TERRAINS)
+        one_of("termination", self.termination, get_args(Termination))
 
     def disturbed(self, disturbances: Disturbances) -> EvaluateConfig:
         """The test with more perturbations; ValueError when the ground is hilly twice."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from thesis_lib.arrays import BoolArray, FloatArray
 from thesis_lib.files import replacing, writable_directory
 from thesis_lib.locomotion import BatchTask
 from thesis_lib.optimisation import run_episodes
@@ -47,7 +48,7 @@ def positions(
     policy: GaussianPolicy,
     world: int = 0,
     noise: np.random.Generator | None = None,
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """Positions of one world's robot before every step, shape ``(steps, nq)``.
 
     Parameters
@@ -59,9 +60,9 @@ def positions(
     noise
         Source of the exploration noise; None acts greedily.
     """
-    states: list[NDArray[np.float64]] = []
+    states: list[FloatArray] = []
 
-    def watch(running: NDArray[np.bool_]) -> None:
+    def watch(running: BoolArray) -> None:
         if running[world]:
             states.append(task.qpos[world])
 

@@ -16,7 +16,7 @@ import pandas as pd
 from tqdm import tqdm
 
 from thesis_lib.checkout import environment
-from thesis_lib.checks import ForeseenError, plain_settings
+from thesis_lib.checks import ForeseenError, one_of, plain_settings
 from thesis_lib.files import replacing, writable_directory, write_json
 from thesis_lib.locomotion import BatchTask
 from thesis_lib.training.disturbances import Disturbances
@@ -100,13 +100,10 @@ class SuiteConfig:
 
     def __post_init__(self) -> None:
         plain_settings(self)
-        for name, allowed in (("conditions", tuple(CONDITIONS)), ("policy", POLICIES)):
+        for name, allowed in (("conditions", CONDITIONS), ("policy", POLICIES)):
             given = getattr(self, name)
             for value in (given,) if isinstance(given, str) else given:
-                if value not in allowed:
-                    raise ValueError(
-                        f"{name} {value!r} does not exist: choose among {', '.join(allowed)}."
-                    )
+                one_of(name, value, allowed)
         if not self.conditions or len(set(self.conditions)) < len(self.conditions):
             raise ValueError(
                 f"conditions are {self.conditions}, but they must be some of "
@@ -319,12 +316,6 @@ def _read(place: str, name: str) -> Trained:
     return read_trained(store.folder / name)
 
 
-def check_rule(rule: str) -> None:
-    """Raise ValueError unless there is such a rule."""
-    if rule not in RULES:
-        raise ValueError(f"rule {rule!r} does not exist: choose one of {', '.join(RULES)}.")
-
-
 def best(table: pd.DataFrame, rule: str = "seed") -> pd.DataFrame:
     """What each architecture came to, by a rule for which of its policies counts.
 
@@ -346,7 +337,7 @@ def best(table: pd.DataFrame, rule: str = "seed") -> pd.DataFrame:
     ValueError
         When there is no such rule, or it is not known how training ended.
     """
-    check_rule(rule)
+    one_of("rule", rule, RULES)
     if rule == "seed" and table.last_return.isna().any():
         raise ValueError(
             "the rule seed needs the returns training ended with, which are not kept in this "
