@@ -149,7 +149,12 @@ def side_values_are_as_good(table: pd.DataFrame) -> Finding:
     at = table[table.steps == table.steps.max()]
     by = at.set_index(["domain", "potential"])
     pairs = [
-        Pair(*(_error(by.loc[domain, q]) for q in ("Q_tilde", "Q_star")), ("Q~", "Q*"), domain)
+        Pair(
+            _error(by.loc[domain, "Q_tilde"]),
+            _error(by.loc[domain, "Q_star"]),
+            ("Q~", "Q*"),
+            domain,
+        )
         for domain in dict.fromkeys(at.domain)
         if by.relative_error[domain].max() > EXACT
     ]

@@ -96,14 +96,16 @@ def _shares(made: Cells) -> FloatArray:
 def _scores(made: Cells, perturbation: str) -> FloatArray:
     """Equation 5.4 by run, scaled by the best of the nets' means; shape as :func:`_shares`."""
     base, other = CONDITIONS.index("base"), CONDITIONS.index(perturbation)
-    found = []
-    for m in range(len(NETS)):
-        found.append([])
-        for i, k in _rows(made):
-            run = made.runs[i, k, m]
-            best = made.mean[i, [base, other], k].max()
-            found[m].append(score(run[:, base], run[:, other], best))
-    return _matrix(found)
+    best = {(i, k): made.mean[i, [base, other], k].max() for i, k in _rows(made)}
+    return _matrix(
+        [
+            [
+                score(made.runs[i, k, m][:, base], made.runs[i, k, m][:, other], best[i, k])
+                for i, k in best
+            ]
+            for m in range(len(NETS))
+        ]
+    )
 
 
 def _matrix(runs: list[list[FloatArray]]) -> FloatArray:
@@ -196,7 +198,7 @@ def across(table: pd.DataFrame, value: str, *measures: str) -> pd.DataFrame:
         Columns.
     """
     low, high = ("low", "high") if value == "iqm" else ("better_low", "better_high")
-    columns = {"net": list(NETS)}
+    columns: dict[str, list[str | None]] = {"net": [*NETS]}
     for measure in measures:
         own = table[table.measure == measure].set_index("architecture").reindex(list(NETS))
         columns[measure] = _with_interval(own[value], own[low], own[high])

@@ -11,6 +11,7 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.stats import ttest_1samp
@@ -96,7 +97,7 @@ def chosen(
             "and `thesis test-policies` wrote layers (--out), or leave it empty."
         )
     words = {"tasks": tasks, "architectures": architectures, "seeds": seeds}
-    fields = {
+    fields: dict[str, Any] = {
         name: " ".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)
         for name, value in words.items()
     }
