@@ -168,6 +168,49 @@ def test_a_verdict_of_chapter_5_rests_on_the_runs_it_read(criterion, folder):
     assert {parts[1] for parts in read if parts[0] == "results"} == {folder}
 
 
+JUDGING = """
+from thesis_lib import tools
+
+LEAST = 0.8
+
+
+def judge(table):
+    own = table[table.domain == "triangle"]
+    share = tools.share(own.value > LEAST)
+    return share, f"The share is {share:g}.", "as the thesis says"
+"""
+
+
+@pytest.fixture
+def judging(tmp_path):
+    """Digest of a criterion of the edition, some of its text put in place of other."""
+    made = iter(range(100))
+
+    def of(old="", new="", library="def share(x):\n    return x.mean()\n"):
+        package = tmp_path / str(next(made)) / "thesis_lib"
+        (package / "chapter9").mkdir(parents=True)
+        (package / "tools.py").write_text(library, encoding="utf-8")
+        file = package / "chapter9" / "result.py"
+        file.write_text(JUDGING.replace(old, new) if old else JUDGING, encoding="utf-8")
+        place = ("thesis_lib.chapter9.result", "judge")
+        return reach.digest_of_judging([place], root=package.parent)
+
+    return of
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("LEAST = 0.8", "LEAST = 0.7"), ("> LEAST", ">= LEAST"), ("triangle", "cliff")]
+)
+def test_a_change_of_what_judges_is_another_criterion(judging, old, new):
+    assert judging(old, new) != judging()
+
+
+def test_a_sentence_and_the_library_are_not_the_criterion(judging):
+    assert judging("The share is", "It is") == judging()
+    assert judging("as the thesis says", "and more") == judging()
+    assert judging(library="def share(x):\n    return x.sum() / len(x)\n") == judging()
+
+
 def test_what_no_module_holds_is_refused():
     with pytest.raises(LookupError, match="no module of thesis_lib holds"):
         reach.place(effect_of("x")(str))

@@ -5,8 +5,8 @@ better name, two functions made one, an argument refused that nobody gave.  ``th
 --confirm`` judges aged claims on one root only, which their code draws and not who gives the
 command.  Where the verdict and each number that decided it come out as they were, the other roots
 are taken to stand as well, and *Status* tells how many claims those are.  Where one does not, or
-where the criterion itself is another, the claim is to be judged anew on all its roots.  Evidence
-that is exact is judged anew at once, which is no more work.
+where the criterion is another in more than its sentences, the claim is to be judged anew on all
+its roots.  Evidence that is exact is judged anew at once, which is no more work.
 """
 
 from __future__ import annotations

@@ -13,8 +13,9 @@ import ast
 import hashlib
 import sys
 from collections.abc import Iterable, Iterator
+from copy import deepcopy
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 
 from thesis_lib.imports import PACKAGE, data_files, module_file, parsed, saved_results
@@ -22,9 +23,8 @@ from thesis_lib.imports import PACKAGE, data_files, module_file, parsed, saved_r
 ROOT = Path(__file__).resolve().parents[2]
 
 FRAMEWORK = f"{PACKAGE}.edition"
-EVERY = (PACKAGE,)
 EDITION = (FRAMEWORK, f"{PACKAGE}.chapter", f"{PACKAGE}.appendix_a")
-"""What the names of all modules begin with, and those of the edition, which is not the library."""
+"""What the names of the modules begin with that are the edition's, and not the library's."""
 
 DECIDES = tuple(f"{FRAMEWORK}.{name}" for name in ("context", "criteria", "rows", "saved"))
 """Modules of the framework that reckon with numbers, or read them."""
@@ -52,9 +52,7 @@ def place(value: object) -> Place:
     raise LookupError(f"no module of {PACKAGE} holds {value!r}.")
 
 
-def digest(
-    starts: Iterable[Place], *texts: str, within: tuple[str, ...] = EVERY, root: Path = ROOT
-) -> str:
+def digest(starts: Iterable[Place], *texts: str, root: Path = ROOT) -> str:
     """Hash of texts and of the code that some places reach.
 
     Parameters
@@ -63,23 +61,33 @@ def digest(
         From :func:`place`.
     *texts
         What else decides, such as a config.
-    within
-        What the names of modules begin with whose code counts; data count with every module only.
     root
         Folder that holds the package and the committed results.
     """
-    code, files = reached(starts, "".join(texts), root, within)
+    code, files = reached(starts, "".join(texts), root)
     hashed = hashlib.sha256("\0".join([*texts, *sorted(code)]).encode())
-    for file in files if within == EVERY else []:
+    for file in files:
         hashed.update(file.read_bytes())
     return hashed.hexdigest()[:12]
 
 
+def digest_of_judging(starts: Iterable[Place], root: Path = ROOT) -> str:
+    """Hash of the edition's code that some places reach, without the sentences in it.
+
+    Parameters
+    ----------
+    starts
+        Criteria, from :func:`place`.
+    root
+        Folder that holds the package.
+    """
+    pieces = [p for p in _pieces(starts, root) if p.name.startswith(EDITION)]
+    texts = sorted(set().union(*(p.without_sentences for p in pieces)))
+    return hashlib.sha256("\0".join(texts).encode()).hexdigest()[:12]
+
+
 def reached(
-    starts: Iterable[Place],
-    asked: str = "",
-    root: Path = ROOT,
-    within: tuple[str, ...] = EVERY,
+    starts: Iterable[Place], asked: str = "", root: Path = ROOT
 ) -> tuple[set[str], list[Path]]:
     """Definitions that some places reach, as text, and the data they read.
 
@@ -89,29 +97,55 @@ def reached(
     A name is taken for the module's, though a variable of a function may be called so: too much
     is reached then, never too little.
     """
-    seen: set[Place] = set()
     modules: dict[str, Path] = {}
     code: set[str] = set()
+    for piece in _pieces(starts, root):
+        code |= piece.code
+        modules |= piece.module
+    beside = [f for f in data_files(modules) if f.name != "claims.toml"]
+    return code, beside + saved_results(modules, root, asked)
+
+
+def _pieces(starts: Iterable[Place], root: Path) -> Iterator[_Piece]:
+    """What stands at some places, and at all that they name."""
+    seen: set[Place] = set()
     waiting = list(starts)
     while waiting:
         if (at := waiting.pop()) in seen:
             continue
         seen.add(at)
         if (piece := _piece(at, root)) is not None:
-            code |= piece.code if at[0].startswith(within) else set()
+            yield piece
             waiting += piece.uses
-            modules |= piece.module
-    beside = [f for f in data_files(modules) if f.name != "claims.toml"]
-    return code, beside + saved_results(modules, root, asked)
 
 
 @dataclass(frozen=True)
 class _Piece:
-    """What stands at a place: statements as text, the places they name, and the file."""
+    """What stands at a place: statements, the places they name, and the module with its file."""
 
-    code: frozenset[str] = frozenset()
+    nodes: tuple[ast.stmt, ...] = ()
     uses: tuple[Place, ...] = ()
+    name: str = ""
     module: dict[str, Path] = field(default_factory=dict)
+
+    @cached_property
+    def code(self) -> frozenset[str]:
+        """Its statements as text."""
+        return frozenset(map(ast.dump, self.nodes))
+
+    @cached_property
+    def without_sentences(self) -> frozenset[str]:
+        """The same with one text for all f-strings and texts of several words."""
+        return frozenset(ast.dump(_WithoutSentences().visit(deepcopy(x))) for x in self.nodes)
+
+
+class _WithoutSentences(ast.NodeTransformer):
+    def visit_JoinedStr(self, node: ast.JoinedStr) -> ast.AST:
+        return ast.Constant("")
+
+    def visit_Constant(self, node: ast.Constant) -> ast.AST:
+        several = isinstance(node.value, str) and " " in node.value
+        return ast.Constant("") if several else node
 
 
 @cache
@@ -129,8 +163,9 @@ def _piece(at: Place, root: Path) -> _Piece | None:
     nodes = found.defined[name] if name else [n for own in found.defined.values() for n in own]
     nodes = [*nodes, *found.loose]
     return _Piece(
-        frozenset(map(ast.dump, nodes)),
+        tuple(nodes),
         tuple({use for node in nodes for use in _uses(node, module, found.imported, root)}),
+        module,
         {module: found.file},
     )
 

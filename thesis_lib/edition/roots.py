@@ -37,7 +37,7 @@ from thesis_lib.checks import ForeseenError, positive_integer
 from thesis_lib.edition import chapters
 from thesis_lib.edition.experiment import Experiment, load, read_csv
 from thesis_lib.edition.ledger import Claim, Finding, OverRoots, Verdict, finding
-from thesis_lib.edition.reach import EDITION, digest, place
+from thesis_lib.edition.reach import digest, digest_of_judging, place
 from thesis_lib.files import alone, replacing, writable_directory
 
 COLUMNS = (
@@ -234,8 +234,8 @@ def code_of_claim(claim: Claim, budget: str) -> str:
 
 
 def code_of_criterion(claim: Claim) -> str:
-    """Digest of what judges a claim, without the library that it calls."""
-    return digest([place(x) for x in claim.criteria], claim.id, within=EDITION)
+    """Digest of what judges a claim, without its sentences and the library that it calls."""
+    return digest_of_judging(place(x) for x in claim.criteria)
 
 
 # ------------------------------------------------------------------------------ verdicts
