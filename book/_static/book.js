@@ -67,12 +67,16 @@ window.addEventListener("DOMContentLoaded", () => {
     .filter(([, section]) => section);
   if (!entries.length) return;
   let asked = false;
-  let still = 0;
+  // At the end of a page, where short sections can't come to the top, one that was chosen counts.
+  const chosen = () => {
+    const ended = scrollY + innerHeight > document.documentElement.scrollHeight - 2;
+    return ended && entries.find(([link, section]) => link.hash === location.hash
+      && section.getBoundingClientRect().top > 0);
+  };
   const mark = () => {
     asked = false;
-    if (performance.now() < still) return;
     const reached = ([, section]) => section.getBoundingClientRect().top < 0.3 * innerHeight;
-    const here = (entries.filter(reached).pop() ?? entries[0])[0];
+    const here = (chosen() || entries.filter(reached).pop() || entries[0])[0];
     for (const [link] of entries) {
       link.classList.toggle("active", link === here);
       if (link === here) link.setAttribute("aria-current", "true");
@@ -82,12 +86,12 @@ window.addEventListener("DOMContentLoaded", () => {
       entry.classList.toggle("active", entry.contains(here));
     }
   };
-  window.addEventListener("scroll", () => {
+  const ask = () => {
     if (!asked) requestAnimationFrame(mark);
     asked = true;
-  }, { passive: true });
-  // A section that was chosen stays marked, though a short last one can't come to the top.
-  window.addEventListener("hashchange", () => { still = performance.now() + 1000; });
+  };
+  window.addEventListener("scroll", ask, { passive: true });
+  window.addEventListener("hashchange", ask);
 });
 
 // Excerpts that a search finds have no room for long formulas, and none for TeX.

@@ -132,7 +132,8 @@ def test_every_claim_of_the_appendix_is_shown(claim: Claim, tables) -> None:
     assert finding.verdict is Verdict.REPRODUCED, finding.evidence
     assert finding.evidence.endswith(".")
     judged = claim.judge(tables)
-    assert judged.evidence.endswith(finding.evidence)
+    # An illustration's sentence goes on after a colon.
+    assert judged.evidence.lower().endswith(finding.evidence.lower())
     lost = claim.section == "Appendix A, figure A.3"  # drawn on a domain that our text lacks
     assert judged.verdict is (Verdict.NOT_TESTABLE if lost else Verdict.REPRODUCED)
 
