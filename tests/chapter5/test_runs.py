@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.chapter5 import cell_table, judging, printed_length, table_5_2
+from thesis_lib import published
+from thesis_lib.chapter5 import cell_table, judging, printed_length, table_5_2, training_length
 from thesis_lib.chapter5.cells import NETS
 from thesis_lib.chapter5.contrasts import Config, chosen
 from thesis_lib.chapter5.returns import table_5_3, table_c_1
@@ -77,6 +78,74 @@ def test_every_run_of_the_printed_length_stands_beside_shorter_ones(tmp_path):
     assert np.isnan(seventh.shorter)
     row = printed_length.shown(table).iloc[0]
     assert (row.printed, row.ours, row["ours at the end"]) == ("1534 (167)", "501, 501", "991, 991")
+
+
+def perturbed(folder, iterations, batch, kept, few=""):
+    """Write a layer of half-cheetahs whose three policies keep .9, 1 and 1.1 times ``kept``.
+
+    ``kept`` has the shares under noise and over the switch by net; of the net ``few`` there are
+    two policies.
+    """
+    runs = [
+        RUN | {"task": "HalfCheetah", "architecture": net.lower(), "seed": seed}
+        for net in NETS
+        for seed in range(2 if net == few else 3)
+    ]
+    curve = [
+        run | {"iteration": i, "steps": i * batch, "mean_return": 1.0}
+        for run in runs
+        for i in (1, iterations)
+    ]
+    tests = [
+        run | {"condition": condition, "run": 0, "policy": "last", "return": 1000 * share}
+        for run in runs
+        for condition, share in zip(
+            ("base", "noise", "switch"),
+            (1, *((0.9 + 0.1 * run["seed"]) * x for x in kept[run["architecture"].upper()])),
+            strict=True,
+        )
+    ]
+    folder.mkdir()
+    pd.DataFrame(curve).to_csv(folder / "curves.csv", index=False)
+    pd.DataFrame(tests).to_csv(folder / "tests.csv", index=False)
+
+
+def test_what_is_kept_is_held_against_the_length_of_training(tmp_path):
+    """Nets keep .84 to .9 after the short training; after the long one half the printed share."""
+    base, noise, switch = (
+        published.load(name).set_index(["trained_on", "task", "architecture"]).value
+        for name in ("table-c.1", "table-c.2", "table-c.3")
+    )
+    at = {net: ("flat", "half_cheetah", net) for net in NETS}
+    half = {net: [t[at[net]] / base[at[net]] / 2 for t in (noise, switch)] for net in NETS}
+    early = {net: (0.9 - 0.01 * i,) * 2 for i, net in enumerate(NETS)}
+    for name, few in (("whole", ""), ("lacking", "GRU")):
+        (tmp_path / name).mkdir()
+        perturbed(tmp_path / name / "short", 150, 20_000, early)
+        perturbed(tmp_path / name / "long", 500, 50_000, half, few)
+    lacking, table = (
+        training_length.kept_by_length.run(config=Config(store=str(tmp_path / name))).table
+        for name in ("lacking", "whole")
+    )
+    assert lacking.empty
+    assert training_length.reading(lacking).startswith("No row")
+    assert len(table) == 7 * 2 * 2
+    own = table[table.architecture == "FFWD"].set_index(["perturbation", "steps"])
+    # Tables C.1 to C.3: the FFWD earns 3692.0, 1725.1 and 1639.7.
+    assert own.printed["noise"].iloc[0] == pytest.approx(1725.1 / 3692.0)
+    assert own.kept["noise", 25_000_000] == pytest.approx(1725.1 / 3692.0 / 2)
+    assert own.kept["switch", 25_000_000] == pytest.approx(1639.7 / 3692.0 / 2)
+    assert own.kept["noise", 3_000_000] == pytest.approx(0.86)
+    # Three seeds at .9, 1 and 1.1 times: a standard error of .1 / sqrt(3), and t(2) = 4.303.
+    assert own.ci95["noise", 3_000_000] == pytest.approx(0.86 * 4.303 * 0.1 / 3**0.5, rel=1e-3)
+    assert training_length.where(table) == "HalfCheetah, flat"
+    told = training_length.reading(table)
+    assert told.count("7 of 7 nets keep less") == 2
+    assert "sign test p = 0.016" in told  # 2 / 2**7
+    assert "printed shares is 1.00 (p = 0) after the longer training" in told
+    shown = training_length.shown(table).set_index("net")
+    assert shown.loc["FFWD", "noise, printed"] == "0.47"
+    assert shown.loc["FFWD", "noise, 3 million"] == "0.86 ± 0.21"
 
 
 def test_what_is_left_to_run_is_told_with_its_cost(tmp_path):

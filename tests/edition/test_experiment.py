@@ -292,7 +292,7 @@ def test_a_run_of_settings_in_numpy_is_that_of_its_budget(tmp_path):
         (Rich(levels=0.5), "levels is 0.5, but it must be several values"),
         (Rich(levels=np.array(0.5)), "levels is array.*, but it must be several values"),
         (Rich(levels=np.array([0.5, np.nan])), "levels is nan, but it must be a finite number"),
-        (Rich(way=np.array(["up", "down"])), "way is array.* one of up, down"),
+        (Rich(way=np.array(["up", "down"])), "way array.* does not exist: choose one of up, down"),
         (Rich(most="some"), "most is 'some', but it must be a finite number"),
         (Config(2), "config is Config.*, but toy takes a Rich of tests"),
         ({"n": 2}, "config is {'n': 2}, but toy takes a Rich of tests"),

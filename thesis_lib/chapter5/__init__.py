@@ -46,6 +46,7 @@ BENCHMARK = (
     "aggregates",
     "returns",
     "best_policy",
+    "training_length",
     "figure_5_4",
     "figure_5_5",
     "table_5_6",

@@ -1,0 +1,149 @@
+"""What longer training does to robustness: the share of its return that a policy keeps, by length.
+
+The thesis trains for 25 million control steps, most runs of ours are shorter.  Where all nets of a
+row have been trained and tested at two lengths, the shares kept under noise and over the switch
+stand beside each other and beside those of tables C.1 to C.3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pandas as pd
+from scipy.stats import binomtest, spearmanr
+
+from thesis_lib.chapter5 import cells
+from thesis_lib.chapter5.cells import NETS, ROBOTS
+from thesis_lib.chapter5.contrasts import Config
+from thesis_lib.chapter5.runs import CELL, DEFAULT, ENOUGH, Runs
+from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.robustness import CONDITIONS, PERTURBATIONS, TRAINED_ON
+from thesis_lib.stats import mean_ci
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What the policies of one net keep of their return, by the length of their training."""
+
+    task: str
+    """Robot."""
+    trained_on: str
+    """Flat or hill."""
+    architecture: str
+    """Net."""
+    perturbation: str
+    """Noise or switch."""
+    steps: int
+    """Control steps of training."""
+    kept: float
+    """Perturbed return over regular return, mean over seeds."""
+    ci95: float
+    """Half-width of its 95% interval over seeds."""
+    seeds: int
+    """Learning runs; policies that earn nothing in the regular test have nothing to keep."""
+    printed: float
+    """The same by tables C.1 to C.3."""
+
+
+@experiment(
+    "ch5-training-length", item="Tables C.1 to C.3", smoke=Config(), book=Config(), seconds=1
+)
+def kept_by_length(config: Config, context: Context) -> list[Kept]:
+    """Shares of the return kept by nets that were trained for two lengths or more."""
+    printed = cells.printed_cells(tuple(cells.TESTED.values()))[0]
+    rows = []
+    for (robot, ground, net, steps), own in _shares(config.runs()).groupby(
+        ["task", "terrain", "architecture", "steps"]
+    ):
+        at = TRAINED_ON.index(ground), slice(None), ROBOTS.index(robot), NETS.index(net)
+        base, *others = printed[at]
+        for perturbation, value in zip(PERTURBATIONS, others, strict=True):
+            mean = mean_ci(own[perturbation].to_numpy())
+            rows.append(
+                Kept(
+                    robot,
+                    ground,
+                    net,
+                    perturbation,
+                    int(steps),
+                    mean.mean,
+                    mean.half_width,
+                    len(own),
+                    float(value / base),
+                )
+            )
+    return rows
+
+
+def _shares(store: Runs) -> pd.DataFrame:
+    """One row a policy, on robots and grounds where every net has been tested at two lengths."""
+    tests = store.tests[store.tests.policy == "last"]
+    plain = (tests.correlation == 0) & (tests.intervention == "none") & (tests.variant == DEFAULT)
+    lengths = store.depths()
+    tests = tests[plain].merge(lengths[[*CELL, "layer", "steps"]], on=[*CELL, "layer"])
+    tests = tests.assign(architecture=tests.architecture.str.upper())
+    wide = tests[tests.architecture.isin(NETS)].pivot_table(
+        index=["task", "terrain", "architecture", "steps", "seed"],
+        columns="condition",
+        values="return",
+    )
+    wide = wide.reindex(columns=list(CONDITIONS)).dropna().reset_index()
+    wide = wide[wide.base > 0]
+    for perturbation in PERTURBATIONS:
+        wide[perturbation] = wide[perturbation] / wide.base
+    seeds = wide.groupby(["task", "terrain", "steps", "architecture"]).size()
+    whole = seeds[seeds >= ENOUGH].groupby(["task", "terrain", "steps"]).size() == len(NETS)
+    rows = whole[whole].reset_index()[["task", "terrain", "steps"]]
+    several = rows.groupby(["task", "terrain"]).steps.transform("size") > 1
+    return wide.merge(rows[several], on=["task", "terrain", "steps"])
+
+
+def where(table: pd.DataFrame) -> str:
+    """The robots and grounds of the table: ``HalfCheetah, flat``."""
+    return "; ".join(dict.fromkeys(table.task + ", " + table.trained_on))
+
+
+def shown(table: pd.DataFrame) -> pd.DataFrame:
+    """Shares by net: printed, and ours by length; noise and switch beside each other."""
+    columns = ["on", "net"]
+    rows: dict[tuple[str, str], dict[str, str]] = {}
+    for row in table.itertuples():
+        key = f"{row.task}, {row.trained_on}", str(row.architecture)
+        own = rows.setdefault(key, {"on": key[0], "net": key[1]})
+        own[f"{row.perturbation}, printed"] = f"{row.printed:.2f}"
+        ours = f"{row.kept:.2f} ± {row.ci95:.2f}"
+        own[f"{row.perturbation}, {row.steps / 1e6:.0f} million"] = ours
+    order = {net: i for i, net in enumerate(NETS)}
+    listed = sorted(rows.values(), key=lambda own: (own["on"], order[own["net"]]))
+    if len({on for on, _ in rows}) < 2:
+        columns = ["net"]
+    lengths = sorted(table.steps.unique())
+    for perturbation in PERTURBATIONS:
+        columns += [f"{perturbation}, printed"]
+        columns += [f"{perturbation}, {steps / 1e6:.0f} million" for steps in lengths]
+    return pd.DataFrame(listed, columns=columns)
+
+
+def reading(table: pd.DataFrame) -> str:
+    """How many nets keep less after longer training, and which length orders them as printed."""
+    if table.empty:
+        return "No row has been trained for two lengths yet."
+    told = []
+    for (robot, ground, perturbation), own in table.groupby(
+        ["task", "trained_on", "perturbation"], sort=False
+    ):
+        wide = own.pivot(index="architecture", columns="steps", values="kept")
+        short, long = wide.columns.min(), wide.columns.max()
+        less = int((wide[long] < wide[short]).sum())
+        p = binomtest(less, len(wide)).pvalue
+        printed = own.groupby("architecture").printed.first()[wide.index]
+        ranks = [spearmanr(wide[steps], printed) for steps in (short, long)]
+        where = "under noise" if perturbation == "noise" else "over the switch"
+        told.append(
+            f"On the {robot} trained on {ground} ground {less} of {len(wide)} nets keep less "
+            f"{where} after {long / 1e6:.0f} million steps than after {short / 1e6:.0f} (sign "
+            f"test p = {p:.2g}); the rank correlation of what they keep with the printed shares "
+            f"is {ranks[1].statistic:.2f} (p = {ranks[1].pvalue:.2g}) after the longer training "
+            f"and {ranks[0].statistic:.2f} (p = {ranks[0].pvalue:.2g}) after the shorter."
+        )
+    return " ".join(told)
