@@ -163,7 +163,7 @@ def test_claims_prints_the_ledger(tmp_path, capsys):
         ("--budget nonsense", "budget 'nonsense' does not exist: choose one of"),
         ("--budget smoke", "--budget is smoke, but it concerns evidence over seeds alone: give"),
         ("--workers -3", "--workers is -3, but it concerns evidence over seeds alone: give"),
-        ("--out X", "--out is X, but it concerns evidence over seeds alone: give --seeds 10 as"),
+        ("--out X", "--out is X, but it concerns evidence over seeds alone: give --seeds 10 or"),
     ],
 )
 def test_claims_on_saved_results_take_no_settings_of_seeds(given, told, capsys):
