@@ -187,7 +187,8 @@ def slopes(table: pd.DataFrame, method: str) -> dict[str, tuple[float, float]]:
         squares += float(((y - np.polyval(line, x)) ** 2).sum())
         free += len(x) - 2
         fits[varied] = float(line[0]), float(((x - x.mean()) ** 2).sum())
-    half = float(t.ppf(0.975, free)) * (squares / free) ** 0.5
+    # Two points a line leave nothing to tell their scatter by.
+    half = float(t.ppf(0.975, free)) * (squares / free) ** 0.5 if free else np.inf
     return {varied: (steep, half / spread**0.5) for varied, (steep, spread) in fits.items()}
 
 
@@ -197,7 +198,9 @@ def bkr_is_linear(table: pd.DataFrame) -> Finding:
     by = slopes(table, "algorithm 8")
     low, high = (np.array([m + sign * half for m, half in by.values()]) for sign in (-1, 1))
     steep = {varied: m for varied, (m, _) in by.items()}
-    pairs, seqs = (plus_minus(m, half) if half else number(m) for m, half in by.values())
+    pairs, seqs = (
+        plus_minus(m, half) if 0 < half < np.inf else number(m) for m, half in by.values()
+    )
     flat = Verdict.NOT_REPRODUCED if (high < GROWS).any() else Verdict.INCONCLUSIVE
     return Finding(
         graded(
