@@ -167,12 +167,16 @@ class Claims:
         print(f"{len(judged)} claims")
         return 0
 
+    def _folder(self) -> Path:
+        """Where the verdicts over seeds lie."""
+        return self.out or repository_root() / "_build" / "claims"
+
     def _over_seeds(self) -> int:
         from thesis_lib.edition import roots
         from thesis_lib.edition.chapters import claims
         from thesis_lib.edition.ledger import select
 
-        out = writable_directory(self.out or repository_root() / "_build" / "claims")
+        out = writable_directory(self._folder())
         chosen = select(claims(), self.only)
         for part in roots.parts(chosen, roots.TOGETHER if self.workers > 1 else 0.0):
             judged = roots.judge_over(
@@ -194,12 +198,11 @@ class Claims:
         return 0
 
     def _confirm(self) -> int:
-        from thesis_lib.checkout import repository_root
         from thesis_lib.edition import confirm, roots
         from thesis_lib.edition.chapters import claims
         from thesis_lib.edition.ledger import select
 
-        file = (self.out or repository_root() / "_build" / "claims") / "verdicts.csv"
+        file = self._folder() / "verdicts.csv"
         found: list[confirm.Aged] = []
         waiting = confirm.aged(select(claims(), self.only), file)
         for part in roots.parts(waiting, roots.TOGETHER):

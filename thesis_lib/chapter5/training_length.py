@@ -105,7 +105,6 @@ def where(table: pd.DataFrame) -> str:
 
 def shown(table: pd.DataFrame) -> pd.DataFrame:
     """Shares by net: printed, and ours by length; noise and switch beside each other."""
-    columns = ["on", "net"]
     rows: dict[tuple[str, str], dict[str, str]] = {}
     for row in table.itertuples():
         key = f"{row.task}, {row.trained_on}", str(row.architecture)
@@ -115,8 +114,7 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
         own[f"{row.perturbation}, {row.steps / 1e6:.0f} million"] = ours
     order = {net: i for i, net in enumerate(NETS)}
     listed = sorted(rows.values(), key=lambda own: (own["on"], order[own["net"]]))
-    if len({on for on, _ in rows}) < 2:
-        columns = ["net"]
+    columns = ["on", "net"] if len({on for on, _ in rows}) > 1 else ["net"]
     lengths = sorted(table.steps.unique())
     for perturbation in PERTURBATIONS:
         columns += [f"{perturbation}, printed"]
@@ -138,10 +136,10 @@ def reading(table: pd.DataFrame) -> str:
         p = binomtest(less, len(wide)).pvalue
         printed = own.groupby("architecture").printed.first()[wide.index]
         ranks = [spearmanr(wide[steps], printed) for steps in (short, long)]
-        where = "under noise" if perturbation == "noise" else "over the switch"
+        when = "under noise" if perturbation == "noise" else "over the switch"
         told.append(
             f"On the {robot} trained on {ground} ground {less} of {len(wide)} nets keep less "
-            f"{where} after {long / 1e6:.0f} million steps than after {short / 1e6:.0f} (sign "
+            f"{when} after {long / 1e6:.0f} million steps than after {short / 1e6:.0f} (sign "
             f"test p = {p:.2g}); the rank correlation of what they keep with the printed shares "
             f"is {ranks[1].statistic:.2f} (p = {ranks[1].pvalue:.2g}) after the longer training "
             f"and {ranks[0].statistic:.2f} (p = {ranks[0].pvalue:.2g}) after the shorter."

@@ -22,7 +22,6 @@ from thesis_lib.checks import ForeseenError
 from thesis_lib.edition import roots
 from thesis_lib.edition.experiment import read_csv
 from thesis_lib.edition.ledger import Claim
-from thesis_lib.files import alone, replacing
 
 
 @dataclass(frozen=True)
@@ -83,7 +82,9 @@ def confirm(
     why = {c.id: _not_to_be_confirmed(c, rows[c.id], budget) for c in claims}
     whole = [c for c in claims if not why[c.id]]
     if whole:
-        root = _root(whole, budget, most=min(_roots(rows[c.id]) for c in whole))
+        # Exact evidence has root 0 alone, and is made on whichever root the others ask for.
+        last = [int(rows[c.id]["root"].max()) for c in whole]
+        root = _root(whole, budget, most=min(filter(None, last), default=1))
         judged = roots.judge_over(
             whole, 10, budget=budget, workers=workers, only=root, work=work, say=say
         )
@@ -103,12 +104,6 @@ def _not_to_be_confirmed(claim: Claim, own: pd.DataFrame, budget: str) -> str:
     if not exact and own.criterion.iloc[0] != roots.code_of_criterion(claim):
         return "its criterion is another"
     return ""
-
-
-def _roots(own: pd.DataFrame) -> int:
-    """How many roots a claim was judged on; any number for exact evidence."""
-    largest = int(own["root"].max())
-    return largest or 1_000
 
 
 def _root(claims: Sequence[Claim], budget: str, most: int) -> int:
@@ -132,11 +127,12 @@ def _differs(judged: roots.Judged, own: pd.DataFrame, root: int) -> str:
 
 def _let_stand(judged: Sequence[roots.Judged], root: int, file: Path) -> None:
     """Write to a table of verdicts which code found the same on a root."""
-    if not judged:
-        return
-    with alone(file.parent):
-        table = read_csv(file)
-        for j in judged:
-            table.loc[table.claim == j.claim.id, ["code", "confirmed"]] = [j.code, root]
-        with replacing(file) as temporary:
-            table.to_csv(temporary, index=False)
+    codes = {j.claim.id: j.code for j in judged}
+
+    def stand(table: pd.DataFrame) -> pd.DataFrame:
+        own = table.claim.isin(codes)
+        table.loc[own, "code"] = table.claim[own].map(codes)
+        table.loc[own, "confirmed"] = root
+        return table
+
+    roots.rewrite(file, stand)

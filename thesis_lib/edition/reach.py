@@ -81,7 +81,11 @@ def digest_of_judging(starts: Iterable[Place], root: Path = ROOT) -> str:
     root
         Folder that holds the package.
     """
-    pieces = [p for p in _pieces(starts, root) if p.name.startswith(EDITION)]
+    pieces = [
+        piece
+        for piece in _pieces(starts, root)
+        if any(module.startswith(EDITION) for module in piece.module)
+    ]
     texts = sorted(set().union(*(p.without_sentences for p in pieces)))
     return hashlib.sha256("\0".join(texts).encode()).hexdigest()[:12]
 
@@ -121,11 +125,13 @@ def _pieces(starts: Iterable[Place], root: Path) -> Iterator[_Piece]:
 
 @dataclass(frozen=True)
 class _Piece:
-    """What stands at a place: statements, the places they name, and the module with its file."""
+    """What stands at a place: statements, the places they name, and the module with its file.
+
+    Of a name that is only imported, no more than where it comes from.
+    """
 
     nodes: tuple[ast.stmt, ...] = ()
     uses: tuple[Place, ...] = ()
-    name: str = ""
     module: dict[str, Path] = field(default_factory=dict)
 
     @cached_property
@@ -165,7 +171,6 @@ def _piece(at: Place, root: Path) -> _Piece | None:
     return _Piece(
         tuple(nodes),
         tuple({use for node in nodes for use in _uses(node, module, found.imported, root)}),
-        module,
         {module: found.file},
     )
 

@@ -388,14 +388,21 @@ def save(judged: Sequence[Judged], budget: str, file: Path) -> dict[str, OverRoo
     table = pd.DataFrame(rows, columns=list(COLUMNS))
     mine = over_roots(table)
     writable_directory(file.parent)
-    with alone(file.parent):
-        if file.is_file():
-            others = read_csv(file)
-            table = pd.concat([others[~others.claim.isin(mine)], table])
-        table = table.sort_values(["claim", "root"], kind="stable")
-        with replacing(file) as temporary:
-            table.to_csv(temporary, index=False)
+
+    def join(others: pd.DataFrame) -> pd.DataFrame:
+        joined = pd.concat([others[~others.claim.isin(mine)], table]) if len(others) else table
+        return joined.sort_values(["claim", "root"], kind="stable")
+
+    rewrite(file, join)
     return mine
+
+
+def rewrite(file: Path, change: Callable[[pd.DataFrame], pd.DataFrame]) -> None:
+    """Change a table of verdicts, or an empty one where there is none, while no other does."""
+    with alone(file.parent):
+        table = read_csv(file) if file.is_file() else pd.DataFrame(columns=list(COLUMNS))
+        with replacing(file) as temporary:
+            change(table).to_csv(temporary, index=False)
 
 
 def rounded(numbers: Mapping[str, float]) -> str:
