@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from scipy.stats import trim_mean
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5 import cells
@@ -122,9 +123,7 @@ def iqm(scores: FloatArray) -> FloatArray:
     scores
         Shape ``(..., rows, runs)``.
     """
-    x = np.sort(scores.reshape(*scores.shape[:-2], -1), axis=-1)
-    cut = x.shape[-1] // 4
-    mean: FloatArray = x[..., cut : x.shape[-1] - cut].mean(axis=-1)
+    mean: FloatArray = trim_mean(scores.reshape(*scores.shape[:-2], -1), 0.25, axis=-1)
     return mean
 
 
