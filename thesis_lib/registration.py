@@ -2,7 +2,8 @@
 
 *Environments.*  ``import thesis_lib`` enters them in Gymnasium's registry by name alone, so
 that ``gymnasium.make("thesis/Hopper-v0")`` works; without the import,
-``gymnasium.make("thesis_lib:thesis/Hopper-v0")`` does the same.  There is an id for every
+``gymnasium.make("thesis_lib:thesis/Hopper-v0")`` does the same.  (Gymnasium 1.0 gave up the
+entry points by which ``import gymnasium`` found other packages' ids.)  There is an id for every
 domain of chapters 3 and 4 and appendix A (:mod:`thesis_lib.domains.environments`), for every
 robot of chapter 5 and each of them on hills (:mod:`thesis_lib.locomotion.envs`), and for what
 installed packages offer.

@@ -109,7 +109,7 @@ class TestPage:
             assert not alt.startswith(("../", "_images")), alt
 
     def test_is_small(self, html: Path, name: str) -> None:
-        assert (html / f"{name}.html").stat().st_size < 600_000
+        assert (html / f"{name}.html").stat().st_size < 300 * 1024
 
 
 @pytest.mark.parametrize("name", [f"notebooks/{name}" for name in NOTEBOOKS])

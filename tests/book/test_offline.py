@@ -2,7 +2,7 @@
 
 import re
 
-from thesis_lib.book.offline import named_code, styles_in_use
+from thesis_lib.book.offline import fewer_tags, named_code, styles_in_use
 
 
 def test_a_sheet_keeps_the_rules_whose_names_are_in_use() -> None:
@@ -35,3 +35,15 @@ def test_folded_code_is_named_by_the_figure_it_makes() -> None:
         *("Show the code of Fig. 3.1", "Hide the code of Fig. 3.1"),
     ]
     assert "aria-label" not in page + named_code(own)  # which would be read instead
+
+
+def test_a_cell_loses_the_tags_of_its_only_paragraph() -> None:
+    row = """<td class="text-left"><p><span>refuted</span>\n8 of 8</p></td>
+<td><p id="claim-1">One.</p>\n<p>Two, by <code class="literal">thesis</code>.</p>\n</td>
+<td><p>Three.</p>\n<p>Four.</p></td><td><p>Five.</p>\n</td>"""
+    assert fewer_tags(row) == (
+        row.replace('<td class="text-left"><p>', '<td class="text-left">')
+        .replace("8 of 8</p>", "8 of 8")
+        .replace(' class="literal"', "")
+        .replace("<td><p>Five.</p>\n</td>", "<td>Five.</td>")
+    )

@@ -143,6 +143,16 @@ def test_what_is_kept_is_held_against_the_length_of_training(tmp_path):
     assert told.count("7 of 7 nets keep less") == 2
     assert "sign test p = 0.016" in told  # 2 / 2**7
     assert "printed shares is 1.00 (p = 0) after the longer training" in told
+    assert training_length.losers(table) == (
+        "after 25 million steps on the flat HalfCheetah 7 of 7 nets keep less under noise than "
+        "after 3 million, and 7 of 7 over the switch"
+    )
+    assert training_length.losers(lacking).startswith("no row")
+    drawn = [line for ax in training_length.draw(table).axes for line in ax.lines]
+    ffwd = [line.get_ydata() for line in drawn if line.get_label() == "FFWD"]
+    assert ffwd == [pytest.approx([0.86, 1725.1 / 3692.0 / 2]),
+                    pytest.approx([0.86, 1639.7 / 3692.0 / 2])]  # fmt: skip
+    training_length.draw(lacking)
     shown = training_length.shown(table).set_index("net")
     assert shown.loc["FFWD", "noise, printed"] == "0.47"
     assert shown.loc["FFWD", "noise, 3 million"] == "0.86 ± 0.21"

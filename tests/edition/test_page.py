@@ -124,6 +124,23 @@ def test_table(shown: list[Any]) -> None:
     assert "−4.1" in forms["text/html"]
 
 
+def test_verdicts_in_a_table_have_their_colours(shown: list[Any]) -> None:
+    row = {"claim": "refuted", "verdict": "not reproduced (9 of 10)", "ours": None, "why": "0 (1)"}
+    nb.table(pd.DataFrame([row]), name="t", caption="c")
+    forms = shown[0]._repr_mimebundle_()
+    assert forms["text/markdown"].splitlines()[2:-1] == [
+        ":class: verdicts",
+        "",
+        "| claim | verdict | ours | why |",
+        "| :--- | :--- | :--- | :--- |",
+        "| [refuted]{.verdict .refuted} | [not reproduced]{.verdict .not-reproduced} (9\u00a0of\u00a010) "
+        "| – | 0\u00a0(1) |",
+    ]
+    assert "not reproduced (9\u00a0of\u00a010)" in forms["text/html"]
+    nb.table(pd.DataFrame({"x": ["refuted"]}), name="t", caption="c")
+    assert "| refuted |" in shown[1]._repr_mimebundle_()["text/markdown"]
+
+
 def test_numbers_of_a_table_have_four_digits_at_most(shown: list[Any]) -> None:
     column = [0.1234, -9.876, 56.744, -254.62, 1234.5, -43525.0, np.inf]
     nb.table(pd.DataFrame({"x": column}), name="t", caption="c", decimals=3)

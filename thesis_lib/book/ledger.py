@@ -129,7 +129,7 @@ def _claim(j: Judgement, *, earlier: bool, repeats: str = "") -> list[str]:
         f"*Made by*: {'; '.join(source)}.",
     ]
     return [
-        f"* - [{j.verdict}]{{.verdict .{_slug(j.verdict)}}}",
+        f"* - {j.verdict.badge}",
         *([f"    {j.over.frequency}"] if j.over else []),
         f"  - (claim-{claim.id})=",
         f"    {typeset(claim.statement)}",
@@ -229,14 +229,14 @@ def _squares(row: Mapping[str, str], by_id: Mapping[str, Judgement]) -> str:
     ids = [claim for claim, evidence in _NAMED.findall(row["ours"]) if not evidence]
     named = sorted((_answering(c, by_id) for c in ids), key=lambda j: [*Verdict].index(j.verdict))
     return " ".join(
-        f"[[{j.verdict}](#claim-{j.claim.id})]{{.square .{_slug(j.verdict)}}}" for j in named
+        f"[[{j.verdict}](#claim-{j.claim.id})]{{.square .{j.verdict.slug}}}" for j in named
     )
 
 
 def _legend() -> str:
     """What the colours of squares mean."""
     settled = (Verdict.REPRODUCED, Verdict.DIRECTION, Verdict.NOT_REPRODUCED, Verdict.REFUTED)
-    legend = [f"[]{{.square .{_slug(verdict)}}} {verdict}" for verdict in settled]
+    legend = [f"[]{{.square .{verdict.slug}}} {verdict}" for verdict in settled]
     return ", ".join([*legend, "[]{.square} open"])
 
 
@@ -267,7 +267,7 @@ def _tally(judged: Iterable[Judgement]) -> list[str]:
         own = [j for j in evidence if j.verdict is verdict]
         by = Counter(_frequency_class(j) for j in own)
         if own:
-            mark = f"[{verdict}]{{.verdict .{_slug(verdict)}}}: {MEANING[verdict]}"
+            mark = f"{verdict.badge}: {MEANING[verdict]}"
             often = ", ".join(f"{by[name]} {name}" for name in _CLASSES if by[name])
             lines.append(f"| {mark} | {len(own)} | {often} |")
     return [
@@ -393,7 +393,3 @@ def _dropdown(folded: _Folded) -> list[str]:
 
 def _raw(markup: str) -> list[str]:
     return ["    ```{raw} html", f"    {markup}", "    ```"]
-
-
-def _slug(verdict: Verdict) -> str:
-    return str(verdict).replace(" ", "-")

@@ -188,7 +188,18 @@ def named_code(page: str) -> str:
 
 
 _LEDGER = re.compile(r'<table class="[^"]*\b(?:ledger|cards)\b.*?</table>', re.DOTALL)
-"""A table of the ledger, whose hundreds of commands look as code does without a class."""
+"""A table of the ledger, which has hundreds of rows."""
+
+_LONE = re.compile(r"(<td[^>]*>)<p>((?:(?!</?p>|</td>).)*)</p>\s*(?=</td>)", re.DOTALL)
+"""A cell with one paragraph and nothing else."""
+
+
+def fewer_tags(table: str) -> str:
+    """A table of the ledger with fewer tags, and no other look.
+
+    Commands look as code does without a class; the only paragraph of a cell needs no tags.
+    """
+    return _LONE.sub(r"\1\2", table.replace(' class="literal"', ""))
 
 
 def _shorten(app: Any, exception: Exception | None) -> None:
@@ -234,7 +245,7 @@ def _shorten(app: Any, exception: Exception | None) -> None:
         short = re.sub(r'<span class="(?:pre|std std-\w+)">([^<]*)</span>', r"\1", short)
         short = short.replace('class="docutils literal notranslate"', 'class="literal"')
         short = re.sub(r' class="(?:row-(?:even|odd)|reference internal)"', "", short)
-        short = _LEDGER.sub(lambda table: table[0].replace(' class="literal"', ""), short)
+        short = _LEDGER.sub(lambda table: fewer_tags(table[0]), short)
         if short != text:
             page.write_text(short, encoding="utf-8")
 

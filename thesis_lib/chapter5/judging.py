@@ -133,6 +133,16 @@ def side_by_side(verdicts: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["claim", "verdict", *sources, "why"])
 
 
+def in_short(evidence: str) -> str:
+    """What each source says of a claim, without the numbers behind it.
+
+    >>> in_short("The printed tables bear it out: 3 of 4. Our runs (3 seeds) deny it: 0 of 4.")
+    'The printed tables bear it out; our runs (3 seeds) deny it.'
+    """
+    said = "; ".join(f"{name} {words}" for name, words in _PARTS.findall(evidence))
+    return f"{said.replace('; Our', '; our')}." if said else evidence
+
+
 def _own(ours: Evidence | None) -> Verdict:
     """The verdict of our runs: fewer seeds, tasks or steps than it takes decide nothing."""
     if ours is None:

@@ -8,8 +8,12 @@ stand beside each other and beside those of tables C.1 to C.3.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
+import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 from scipy.stats import binomtest, spearmanr
 
 from thesis_lib.chapter5 import cells
@@ -17,6 +21,7 @@ from thesis_lib.chapter5.cells import NETS, ROBOTS
 from thesis_lib.chapter5.contrasts import Config
 from thesis_lib.chapter5.runs import CELL, DEFAULT, ENOUGH, Runs
 from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.plots import COLOURS
 from thesis_lib.robustness import CONDITIONS, PERTURBATIONS, TRAINED_ON
 from thesis_lib.stats import mean_ci
 
@@ -120,6 +125,61 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
         columns += [f"{perturbation}, printed"]
         columns += [f"{perturbation}, {steps / 1e6:.0f} million" for steps in lengths]
     return pd.DataFrame(listed, columns=columns)
+
+
+def draw(table: pd.DataFrame) -> Figure:
+    """Shares by length of training, with 95% intervals, and as printed: a row a robot and ground.
+
+    Lines lead from length to length; dotted ones to the printed share of the same net.  The axes
+    are those of the shares: intervals over few seeds may reach beyond.
+    """
+    rows = [*table.groupby(["task", "trained_on"], sort=False)] or [(("", ""), table)]
+    fig, axes = plt.subplots(
+        *(len(rows), len(PERTURBATIONS)),
+        figsize=(7.2, 0.8 + 2.6 * len(rows)),
+        sharey=True,
+        squeeze=False,
+    )
+    for ax, ((robot, ground), perturbation) in zip(
+        axes.flat, product([key for key, _ in rows], PERTURBATIONS), strict=True
+    ):
+        own = table[(table.task == robot) & (table.trained_on == ground)]
+        own = own[own.perturbation == perturbation].sort_values("steps")
+        for i, net in enumerate(NETS):
+            at = own[own.architecture == net]
+            # Nets side by side, so that their intervals do not cover each other.
+            x = np.arange(len(at)) + 0.04 * (i - len(NETS) / 2)
+            look = {"color": COLOURS[i], "lw": 1.2}
+            ax.plot(x, at.kept, "o-", ms=4, label=net, **look)
+            ax.errorbar(x, at.kept, yerr=at.ci95, fmt="none", ecolor=COLOURS[i], alpha=0.4)
+            if len(at):
+                ax.plot([x[-1], len(at)], [at.kept.iloc[-1], at.printed.iloc[-1]], ":", **look)
+                ax.plot([len(at)], [at.printed.iloc[-1]], "<", color=COLOURS[i])
+        lengths = [f"{steps / 1e6:.0f} million\nsteps" for steps in own.steps.unique()]
+        ax.set_xticks(range(len(lengths) + 1), [*lengths, "printed"])
+        ax.set(title=f"{robot}, {ground}: {perturbation}", xlim=(-0.3, len(lengths) + 0.15))
+    axes[0, 0].set_ylim(0, max(1.05, 1.05 * table[["kept", "printed"]].max(axis=None)))
+    fig.supylabel("share of the regular return", fontsize=10)
+    fig.legend(
+        *axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=7, fontsize=8
+    )
+    return fig
+
+
+def losers(table: pd.DataFrame) -> str:
+    """How many nets keep less after the longest training than after the shortest, by row."""
+    told = []
+    for (robot, ground), own in table.groupby(["task", "trained_on"], sort=False):
+        wide = own.pivot(index=["perturbation", "architecture"], columns="steps", values="kept")
+        short, long = wide.columns.min(), wide.columns.max()
+        less = (wide[long] < wide[short]).groupby("perturbation").agg(["sum", "size"])
+        told.append(
+            f"after {long / 1e6:.0f} million steps on the {ground} {robot} "
+            f"{less['sum']['noise']} of {less['size']['noise']} nets keep less under noise than "
+            f"after {short / 1e6:.0f} million, and {less['sum']['switch']} of "
+            f"{less['size']['switch']} over the switch"
+        )
+    return "; ".join(told) if told else "no row has been trained for two lengths yet"
 
 
 def reading(table: pd.DataFrame) -> str:

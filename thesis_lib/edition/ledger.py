@@ -37,6 +37,16 @@ class Verdict(StrEnum):
     INCONCLUSIVE = "inconclusive at this budget"
     NOT_RUN = "not run"
 
+    @property
+    def slug(self) -> str:
+        """Its name as a class of ``book.css``."""
+        return self.replace(" ", "-")
+
+    @property
+    def badge(self) -> str:
+        """Its words in its colour, as MyST Markdown."""
+        return f"[{self}]{{.verdict .{self.slug}}}"
+
 
 MEANING = {
     Verdict.REPRODUCED: "the criterion holds",

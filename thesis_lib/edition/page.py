@@ -40,6 +40,7 @@ from thesis_lib.edition.ledger import (
     Finding,
     Judgement,
     OverRoots,
+    Verdict,
     finding,
 )
 from thesis_lib.edition.parameters import check_injected
@@ -126,13 +127,14 @@ def table(
         and not pd.api.types.is_bool_dtype(shown[column])
         for column in shown.columns
     ]
+    judged = "verdict" in shown.columns
     rows = [
         _pipe(plain(str(column)) for column in shown.columns),
         _pipe("---:" if right else ":---" for right in numeric),
-        *(_pipe(row) for row in cells.itertuples(index=False)),
+        *(_pipe(map(_badged, row) if judged else row) for row in cells.itertuples(index=False)),
     ]
     body = "\n".join(rows)
-    look = ":class: verdicts\n" * ("verdict" in shown.columns)  # cards on a phone
+    look = ":class: verdicts\n" * judged  # cards on a phone
     display(
         _Rendered(
             f"::::{{table}} {caption}\n:name: {name}\n{look}\n{body}\n::::\n",
@@ -149,6 +151,12 @@ def _folded(evidence: str) -> str:
 
 def _pipe(cells: Iterable[str]) -> str:
     return "| " + " | ".join(cells) + " |"
+
+
+def _badged(cell: str) -> str:
+    """A cell of a table of verdicts, in colour where it is one: ``refuted (8 of 8)``."""
+    words = cell.partition(" (")[0]
+    return Verdict(words).badge + cell[len(words) :] if words in [*Verdict] else cell
 
 
 def _places(decimals: int | Mapping[str, int], column: str) -> int:
