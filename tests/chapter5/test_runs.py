@@ -78,6 +78,13 @@ def test_every_run_of_the_printed_length_stands_beside_shorter_ones(tmp_path):
     assert np.isnan(seventh.shorter)
     row = printed_length.shown(table).iloc[0]
     assert (row.printed, row.ours, row["ours at the end"]) == ("1534 (167)", "501, 501", "991, 991")
+    both = pd.concat([table, table.assign(trained_on="hill", printed=1094.0)])
+    (panel,) = printed_length.draw(both).axes
+    means = [float(line.get_ydata()[0]) for line in panel.lines if len(line.get_ydata()) == 1]
+    dashed = [float(line.get_ydata()[0]) for line in panel.lines if line.get_linestyle() == "--"]
+    assert means == [501.0] * 4
+    assert dashed == pytest.approx([1534.0, 1094.0], abs=1)
+    printed_length.draw(table.iloc[:0])
 
 
 def perturbed(folder, iterations, batch, kept, few=""):

@@ -15,6 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from thesis_lib import published
 from thesis_lib.chapter5.cells import NETS, ROBOTS
@@ -150,13 +151,11 @@ def reading(table: pd.DataFrame) -> str:
 
 
 def draw(table: pd.DataFrame) -> Figure:
-    """A panel a net: curves by seed with their means, shorter runs, and the printed mean.
+    """A panel a net: curves by seed with their means, and the printed mean, in a colour a ground.
 
-    Of the robot and ground that come first.
+    Of the robot that comes first.
     """
-    if len(table):
-        first = table.iloc[0]
-        table = table[(table.task == first.task) & (table.trained_on == first.trained_on)]
+    table = table[table.task == table.task.iloc[0]] if len(table) else table
     nets = [net for net in NETS if net in set(table.architecture)] or [NETS[0]]
     columns = min(4, len(nets))
     rows = -(-len(nets) // columns)
@@ -165,24 +164,32 @@ def draw(table: pd.DataFrame) -> Figure:
     )
     for ax in axes.flat[len(nets) :]:
         ax.axis("off")
+    shown = [ground for ground in TRAINED_ON if ground in set(table.trained_on)]
     for ax, net in zip(axes.flat, nets, strict=False):
-        own = table[table.architecture == net]
         ax.set_title(net, fontsize=9)
-        if own.empty:
+        if table.empty:
             ax.text(0.5, 0.5, "not run yet", transform=ax.transAxes, ha="center")
-            continue
-        one = own.drop_duplicates("iteration")
-        ax.axhline(own.printed.iloc[0], color=PRINTED, lw=1, ls="--", label="printed mean")
-        ax.plot(one.steps / 1e6, one.shorter, color="#404040", lw=1.6, label="shorter runs")
-        for i, (_, run) in enumerate(own.groupby("seed")):
-            label = "one seed" if i == 0 else None
-            ax.plot(run.steps / 1e6, run.mean_return, color=COLOURS[0], lw=0.9, label=label)
-            label = "its mean" if i == 0 else None
-            edge = {"transform": ax.get_yaxis_transform(), "clip_on": False, "ls": "none"}
-            ax.plot([1.03], [run.mean_return.mean()], "<", color=COLOURS[0], label=label, **edge)
+        edge = {"transform": ax.get_yaxis_transform(), "clip_on": False, "ls": "none"}
+        for ground, colour in zip(shown, COLOURS, strict=False):
+            own = table[(table.architecture == net) & (table.trained_on == ground)]
+            for _, run in own.groupby("seed"):
+                ax.plot(run.steps / 1e6, run.mean_return, color=colour, lw=0.9)
+                ax.plot([1.03], [run.mean_return.mean()], "<", color=colour, **edge)
+            for mean in own.printed.unique():
+                ax.axhline(mean, color=colour, lw=1, ls="--")
     fig.supxlabel("million control steps", fontsize=9)
     fig.supylabel("mean return", fontsize=9)
-    handles = axes[0, 0].get_legend_handles_labels()
-    if handles[0]:
-        fig.legend(*handles, loc="outside upper center", ncols=4, fontsize=8)
+    handles = [Line2D([], [], color=c) for c, _ in zip(COLOURS, shown, strict=False)]
+    names = [f"{ground}, a line a seed" for ground in shown]
+    if shown:
+        handles += [
+            Line2D([], [], color=PRINTED, marker="<", ls="none"),
+            Line2D([], [], color=PRINTED, ls="--"),
+        ]
+        fig.legend(
+            *(handles, [*names, "its mean", "printed mean"]),
+            loc="outside upper center",
+            ncols=4,
+            fontsize=8,
+        )
     return fig
