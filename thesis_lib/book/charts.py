@@ -243,22 +243,36 @@ CHARTS: Mapping[str, tuple[Callable[[], alt.Chart], str]] = {
 
 def charts() -> dict[str, str]:
     """Every chart as files: ``chart-NAME.md`` and ``picture-NAME.md`` are to be included."""
-    import vl_convert
-
     made = {}
     for name, (make, words) in CHARTS.items():
         square = name in ("huddle", "paths")
-        sized = make().properties(width=HEIGHT if square else WIDTH, height=HEIGHT)
-        spec = sized.configure(**_PAPER).to_dict()
-        made[f"chart-{name}.svg"] = vl_convert.vegalite_to_svg(spec)
+        width = HEIGHT if square else WIDTH
+        chart = make()
+        spec = _spec(chart, width, HEIGHT)
+        made[f"chart-{name}.svg"] = svg(chart, width, HEIGHT)
         moving = spec if square else {**spec, "width": "container"}
-        made[f"picture-{name}.md"] = _picture(name, words)
+        made[f"picture-{name}.md"] = picture(name, words)
         made[f"chart-{name}.md"] = _page(name, words, moving)
     return made
 
 
-def _picture(name: str, words: str) -> str:
-    """The picture alone."""
+def _spec(chart: alt.Chart, width: int, height: int) -> dict[str, Any]:
+    """A chart in the book's style, as Vega-Lite."""
+    spec: dict[str, Any] = (
+        chart.properties(width=width, height=height).configure(**_PAPER).to_dict()
+    )
+    return spec
+
+
+def svg(chart: alt.Chart, width: int, height: int) -> str:
+    """A chart as a picture, ``width`` by ``height`` pixels without its axes."""
+    import vl_convert
+
+    return str(vl_convert.vegalite_to_svg(_spec(chart, width, height)))
+
+
+def picture(name: str, words: str) -> str:
+    """Markdown that shows ``chart-NAME.svg``; the words are for those who do not see it."""
     return f"![{words}](/book/_generated/chart-{name}.svg)\n"
 
 
@@ -266,7 +280,7 @@ def _page(name: str, words: str, spec: Mapping[str, Any]) -> str:
     """The picture, and beside it what moves it."""
     data = json.dumps(spec, ensure_ascii=False, separators=(",", ":")).replace("</", "<\\/")
     return f"""````{{div}} chart
-{_picture(name, words)}
+{picture(name, words)}
 ```{{raw}} html
 <script type="application/json">{data}</script>
 ```

@@ -12,6 +12,7 @@ from thesis_lib.book.charts import charts
 from thesis_lib.book.environments import environments_markdown
 from thesis_lib.book.execution import Run
 from thesis_lib.book.films import film_markdown, films_markdown, listed
+from thesis_lib.book.findings import findings
 from thesis_lib.book.ledger import (
     by_place,
     differences_markdown,
@@ -60,6 +61,7 @@ def generated(
         "films.md": films_markdown(listed(root)),
         "front.md": film_markdown(listed(root)[0], moving=True),
         **charts(),
+        **findings(results, draft=draft),
         "environments.md": environments_markdown(),
         "status.md": status_markdown([runs[name] for name in sorted(runs)]),
         "deepest.md": deepest_markdown(deepest.records()),
