@@ -6,7 +6,7 @@ import pytest
 from scipy.stats import ttest_ind
 
 from tests.chapter5.worlds import THESIS
-from thesis_lib.chapter5 import study_filter, study_hills, study_seeds
+from thesis_lib.chapter5 import study_filter, study_filter_long, study_hills, study_seeds
 from thesis_lib.chapter5.cells import GROUPS, NETS, Cells
 from thesis_lib.chapter5.cells import ROBOTS as ROBOT_NAMES
 from thesis_lib.chapter5.contrasts import Config
@@ -283,3 +283,60 @@ def test_what_zeroing_memory_and_the_last_action_does_is_told(tmp_path):
     assert "is +0.59 [" in told
     assert "(5 robots, 5 seeds or more)" in told
     assert "Policies with no previous action have not been tested yet." in told
+
+
+def long_store(folder, kept, seeds=3, last=500):
+    """Half-cheetahs of the printed length that keep ``kept``, by net, in all noise but white."""
+    curves, tests = [], []
+    for net, shares in kept.items():
+        for seed in range(seeds):
+            at = {"task": "HalfCheetah", "terrain": "flat", "architecture": net.lower()}
+            at |= {"variant": "default", "seed": seed}
+            for i in (1, last):
+                curves.append(at | {"iteration": i, "steps": i * 50_000, "mean_return": 1.0})
+            test = at | {"run": 0, "policy": "last", "intervention": "none"}
+            tests.append(test | {"condition": "base", "correlation": 0.0, "return": 2000.0})
+            for time in study_filter.CORRELATIONS:
+                share = shares[seed] if time else 9.0
+                noisy = {"condition": "noise", "correlation": float(time)}
+                tests.append(test | noisy | {"return": 2000.0 * share})
+    folder.mkdir(parents=True)
+    pd.DataFrame(curves).to_csv(folder / "curves.csv", index=False)
+    pd.DataFrame(tests).to_parquet(folder / "tests.parquet")
+
+
+@pytest.mark.parametrize(
+    ("ctrnn", "dtrnn", "verdict"),
+    [
+        # Welch by hand: standard errors of .1 / sqrt(3) each, so that .5 is t = 6.1 and .1 is 1.2.
+        ((0.8, 0.9, 1.0), (0.3, 0.4, 0.5), Verdict.REPRODUCED),
+        ((0.8, 0.9, 1.0), (0.7, 0.8, 0.9), Verdict.INCONCLUSIVE),
+        ((0.3, 0.4, 0.5), (0.8, 0.9, 1.0), Verdict.REFUTED),
+    ],
+)
+def test_correlated_noise_after_the_printed_length(tmp_path, ctrnn, dtrnn, verdict):
+    long_store(tmp_path / "depth", {"CTRNN": ctrnn, "DTRNN": dtrnn, "GRU": ctrnn})
+    config = study_filter.Config(store=str(tmp_path))
+    table = study_filter_long.kept.run(config=config).table
+    assert len(table) == 3 * 3 * 5
+    found = study_filter_long.keeps_more(table)
+    assert found.verdict is verdict
+    assert found.numbers["difference"] == pytest.approx(np.mean(ctrnn) - np.mean(dtrnn))
+    (panel,) = study_filter_long.draw(table).axes
+    lines = {line.get_label(): line.get_ydata() for line in panel.lines}
+    assert lines["DTRNN"] == pytest.approx([9.0, *[np.mean(dtrnn)] * 4])
+
+
+def test_shorter_or_fewer_policies_do_not_decide_on_the_printed_length(tmp_path):
+    clear = {"CTRNN": (0.8, 0.9, 1.0), "DTRNN": (0.3, 0.4, 0.5)}
+    long_store(tmp_path / "short" / "breadth", clear, last=150)
+    long_store(tmp_path / "few" / "depth", clear, seeds=2)
+    verdicts = [
+        study_filter_long.keeps_more(
+            study_filter_long.kept.run(config=study_filter.Config(store=str(tmp_path / name))).table
+        ).verdict
+        for name in ("short", "few")
+    ]
+    assert verdicts == [Verdict.NOT_RUN, Verdict.INCONCLUSIVE]
+    empty = study_filter_long.kept.run(config=study_filter.Config(store="/nowhere")).table
+    assert study_filter_long.draw(empty).axes

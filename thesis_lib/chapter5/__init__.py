@@ -51,6 +51,7 @@ BENCHMARK = (
     "figure_5_5",
     "table_5_6",
     "study_filter",
+    "study_filter_long",
     "study_hills",
     "study_seeds",
 )
