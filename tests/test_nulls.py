@@ -466,3 +466,25 @@ def test_what_is_not_always_best_is_neither_shown_nor_half_shown_by_noise() -> N
     tables = {name: few(table, rng) for name, table in one_domain(Q_mu=120.0).items()}
     assert judge(tables).verdict is Verdict.INCONCLUSIVE  # ahead everywhere, by chance or not
     assert judge(one_domain(Q_star=130.0)).verdict is Verdict.REFUTED
+
+
+@pytest.mark.parametrize(
+    ("tables", "verdict"),
+    [
+        (searches(), Verdict.REPRODUCED),
+        # No better policy found, or none better than the uniform one, does not say there is none.
+        (searches(ga=-2010.0), Verdict.INCONCLUSIVE),  # .5% below
+        (searches(ga=-1500.0), Verdict.INCONCLUSIVE),
+        (searches(uniform=-1500.0), Verdict.INCONCLUSIVE),
+    ],
+)
+def test_a_search_cannot_show_that_nothing_was_missed(
+    tables: dict[str, Table], verdict: Verdict
+) -> None:
+    assert CLAIMS["3.3.5-ga-missed-mu-star"].judge(tables).verdict is verdict
+
+
+def test_what_two_sizes_of_stock_share_is_told_once() -> None:
+    told = CLAIMS["3.6-tilde-in-two-of-three"].judge(every_domain()).evidence
+    for pair in ("; triangle: ", "stock (E = 3, ", "stock (E = 2, ", " (Welch, Holm): cliff: "):
+        assert told.count(pair) == 1, pair

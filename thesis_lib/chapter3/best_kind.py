@@ -8,7 +8,7 @@ import pandas as pd
 
 from thesis_lib.chapter3 import figure_3_1, figure_3_3, figure_3_4, table_3_1
 from thesis_lib.chapter3.runs import LEARNERS, NAMES, SHAPED, at_best, compared
-from thesis_lib.edition.criteria import LEVEL, Pair, equivalent, judged, summary
+from thesis_lib.edition.criteria import LEVEL, Pair, equivalent, graded, judged, summary
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.stats import holm, welch
 
@@ -96,38 +96,35 @@ def q_tilde_helps_more_in_two_domains(
 ) -> Finding:
     """Q~ against Q* for a Q-learner, on each domain of the chapter, for both E of stock."""
     settings = by_setting(cliff, continuing, triangle, stock)
-    parts = []
+    parts, told = {}, dict[str, None]()
     for where in figure_3_4.SIZES.values():
         at = {
             "cliff": settings["episodic cliff without sensor, Q-learning"],
             "triangle": settings["triangle"],
             f"stock ({where})": settings[f"stock, {where}"],
         }
-        parts.append(
-            _of_three([compared(own, "Q_tilde", "Q_star", name) for name, own in at.items()])
-        )
-    verdicts = {part.verdict for part in parts}
+        pairs = [compared(own, "Q_tilde", "Q_star", name) for name, own in at.items()]
+        parts[where] = _of_three(pairs)
+        told |= dict.fromkeys(map(str, pairs))
+    verdicts = {verdict for verdict, _ in parts.values()}
+    more = {where: n for where, (_, n) in parts.items()}
+    counted = " and ".join(f"{n or 'none'} with {where}" for where, n in more.items())
     return Finding(
         verdicts.pop() if len(verdicts) == 1 else Verdict.INCONCLUSIVE,
-        " ".join(part.evidence for part in parts),
-        {
-            where: part.numbers["more"]
-            for where, part in zip(figure_3_4.SIZES.values(), parts, strict=True)
-        },
+        f"Of the three domains Q~ helps significantly more than Q* in {counted} (Welch, Holm): "
+        f"{'; '.join(told)}.",
+        more,
     )
 
 
-def _of_three(pairs: Sequence[Pair]) -> Finding:
-    """Whether the first is significantly greater in two of three pairs and equivalent in one."""
+def _of_three(pairs: Sequence[Pair]) -> tuple[Verdict, int]:
+    """Whether the first is significantly greater in two of three pairs and equivalent in one.
+
+    And in how many it is.
+    """
     tests = [welch(p.first, p.second) for p in pairs]
     more = [t.difference > 0 and q < LEVEL
             for t, q in zip(tests, holm([t.p_value for t in tests]), strict=True)]  # fmt: skip
     rest = [p for p, m in zip(pairs, more, strict=True) if not m]
     alike = bool(rest) and equivalent(rest, 0.05).verdict is Verdict.REPRODUCED
-    return judged(
-        sum(more) == 2 and alike,
-        f"Q~ helps significantly more than Q* in {sum(more)} of {len(pairs)} domains (Welch, "
-        f"Holm): {'; '.join(map(str, pairs))}.",
-        {"more": sum(more)},
-        direction=any(more),
-    )
+    return graded(sum(more) == 2 and alike, direction=any(more)), sum(more)

@@ -112,6 +112,8 @@ def ga_misses_mu_star(table: pd.DataFrame) -> Finding:
         f"find better than the uniform policy, by {every}: {'; '.join(missed)}.",
         {"held": held, "of": len(missed)},
         direction=held,
+        # That no better policy was found does not say that there is none.
+        otherwise=Verdict.INCONCLUSIVE,
     )
 
 
