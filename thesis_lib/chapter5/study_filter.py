@@ -267,6 +267,7 @@ def keeps_more_in_correlated_noise(table: pd.DataFrame) -> Finding:
         ((values > 0) & (p < LEVEL)).all(),
         (values > 0).all(),
         denied=((values < 0) & (p < LEVEL)).any(),
+        otherwise=Verdict.INCONCLUSIVE,
     )
     return Finding(
         verdict if seeds >= len(FRESH) else Verdict.INCONCLUSIVE,
