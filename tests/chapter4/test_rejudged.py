@@ -143,17 +143,45 @@ def swapped(table: pd.DataFrame, first: str, second: str) -> pd.DataFrame:
     return table.assign(method=table.method.replace(names))
 
 
-def test_prediction_claims_can_fail() -> None:
+def regrets() -> pd.DataFrame:
+    """Four cells, in which shrinkage errs by 1, the next selector by 2, and so on; all ± .2."""
     methods = ["all features", "fs-tek", "jackknife", "cross-validation", "shrinkage"]
     rows = [
-        {"domain": d, "tasks_seen": n, "method": m, "regret": 5.0 - i, "excess": 5.0 - i,
-         "mean_return": float(i)}
+        {"domain": d, "tasks_seen": n, "method": m, "regret": 5.0 - i, "regret_ci95": 0.2,
+         "excess": 5.0 - i, "mean_return": float(i)}
         for d in "ab" for n in (3, 4) for i, m in enumerate([*methods, "cross-fitted"])
     ]  # fmt: skip
-    table = pd.DataFrame(rows)
-    assert prediction.shrinkage_errs_least(table).verdict is Verdict.REPRODUCED
+    return pd.DataFrame(rows)
+
+
+@pytest.mark.parametrize(
+    ("in_one_cell", "verdict"),
+    [
+        # A difference is ± .4, and ± .60 beside 15 others (norm.isf(.025 / 16) / norm.isf(.025) =
+        # 1.508); by the mean over cells ± .51 beside three.
+        (1.0, Verdict.REPRODUCED),
+        (2.5, Verdict.INCONCLUSIVE),
+        (2.7, Verdict.NOT_REPRODUCED),
+        (6.0, Verdict.NOT_REPRODUCED),  # by the mean 2 - (1 + 1 + 1 + 6) / 4 = -.25
+        (8.0, Verdict.REFUTED),  # by the mean -.75
+    ],
+)
+def test_shrinkage_may_be_beaten_in_a_cell_or_by_the_mean(
+    in_one_cell: float, verdict: Verdict
+) -> None:
+    table = regrets()
+    one = (table.method == "shrinkage") & (table.domain == "a") & (table.tasks_seen == 3)
+    table.loc[one, "regret"] = in_one_cell
+    assert prediction.shrinkage_errs_least(table).verdict is verdict
+
+
+def test_prediction_claims_can_fail() -> None:
+    table = regrets()
     worse = swapped(table, "shrinkage", "fs-tek")
-    assert prediction.shrinkage_errs_least(worse).verdict is Verdict.NOT_REPRODUCED
+    assert prediction.shrinkage_errs_least(worse).verdict is Verdict.REFUTED
+    # As good as the others everywhere, or better by no more than the half-widths, is no proof.
+    for same in (table.assign(regret=1.0), table.assign(regret_ci95=0.6)):
+        assert prediction.shrinkage_errs_least(same).verdict is Verdict.DIRECTION
     assert prediction.error_predicts_return(table).verdict is Verdict.REPRODUCED
     wrong = table.assign(mean_return=-table.mean_return)
     assert prediction.error_predicts_return(wrong).verdict is Verdict.NOT_REPRODUCED
