@@ -379,7 +379,7 @@ def test_verdicts_on_hand_made_tables():
     assert figure_4_7.grows_with_noise(opposite).verdict == Verdict.REFUTED
     assert figure_4_7.peaks(opposite).verdict == Verdict.REFUTED
     assert figure_4_7.on_a_par(opposite).verdict == Verdict.REFUTED
-    assert figure_4_7.helps_most_when_few(opposite).verdict == Verdict.NOT_REPRODUCED
+    assert figure_4_7.helps_most_when_few(opposite).verdict == Verdict.REFUTED
     wide = first_five(EVERY, ci=50.0)
     assert figure_4_7.jumps(wide).verdict == Verdict.INCONCLUSIVE
     assert figure_4_7.grows_with_noise(wide).verdict == Verdict.INCONCLUSIVE
@@ -434,6 +434,11 @@ def test_the_largest_gain_is_corrected_for_the_choice():
     assert figure_4_7.helps_most_when_few(hardly).verdict == Verdict.DIRECTION
     surely = first_five(every | {(s, 4): 1.9 for s in (0.01, 0.02)})
     assert figure_4_7.helps_most_when_few(surely).verdict == Verdict.REPRODUCED
+    # Of three numbers above six at two levels it is norm.isf(.025 / 6) / norm.isf(.025) = 1.346
+    # times as wide: ± 1.90.
+    for late, verdict in ((1.8, Verdict.INCONCLUSIVE), (2.0, Verdict.REFUTED)):
+        rising = first_five(every | {(0.01, 4): 0.0, (0.02, 4): 0.0, (0.02, 12): late})
+        assert figure_4_7.helps_most_when_few(rising).verdict == verdict
     one = first_five(every | {(0.02, n): g for n, g in ((4, 0.0), (12, 8.5))})
     assert figure_4_7.on_a_par(one).verdict == Verdict.REPRODUCED
     far = first_five(every | {(0.02, 4): 0.0, (0.02, 12): 11.5})

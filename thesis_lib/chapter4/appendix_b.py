@@ -9,7 +9,7 @@ import pandas as pd
 
 from thesis_lib.arrays import FloatArray, IntArray
 from thesis_lib.chapter4.random_solutions import KINDS, Kind, random_solutions
-from thesis_lib.edition.criteria import judged
+from thesis_lib.edition.criteria import EXACT, judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.relevance import (
@@ -126,6 +126,7 @@ def two_forms_agree(table: pd.DataFrame) -> Finding:
         worst < 1e-12,
         f"Over {own.n_domains.sum()} random domains the two forms differ by at most {worst:.1g}.",
         {"error": worst},
+        otherwise=Verdict.REFUTED if worst > EXACT else Verdict.INCONCLUSIVE,
     )
 
 

@@ -64,6 +64,7 @@ def tends_to_the_domain_relevance(table: pd.DataFrame) -> Finding:
         shares.max() < 0.01,
         f"Mean distance from the limit at k = 1000, of that at k = 1: {listed}.",
         dict(shares),
+        direction=shares.max() < 1,
     )
 
 

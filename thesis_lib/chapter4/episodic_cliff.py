@@ -12,11 +12,15 @@ from matplotlib.figure import Figure
 from thesis_lib.chapter3.runs import SETTINGS, TabularLearner
 from thesis_lib.chapter4 import figure_4_4, looks
 from thesis_lib.chapter4.figure_4_4 import METHODS, NAMES, SMALL, turns
-from thesis_lib.chapter4.protocol import Protocol, Selected, ahead, behind
+from thesis_lib.chapter4.protocol import Protocol, Selected, ahead, behind, wider
 from thesis_lib.chapter4.runs import Target
-from thesis_lib.edition.criteria import judged
+from thesis_lib.edition.criteria import LEVEL, graded, judged, summary
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.ledger import Finding, criterion, effect_of
+from thesis_lib.edition.ledger import Finding, Verdict, criterion, effect_of
+from thesis_lib.stats import welch
+
+MARGIN = 0.05
+"""Share of the return within which two are alike."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +79,28 @@ def _turns(star: pd.DataFrame, episodic: pd.DataFrame) -> tuple[list[bool], str]
 def q_star_turns(star: pd.DataFrame, episodic: pd.DataFrame) -> Finding:
     """The rise and decline of Q* without selection, on either cliff."""
     (continuing, other), words = _turns(star, episodic)
-    return judged(continuing, words, direction=other)
+    own = star[star.method == "none"].sort_values("tasks_seen")
+    first, last = (_no_higher(own, end) for end in (own.iloc[0], own.iloc[-1]))
+    one_way = max(first, last) == len(own) - 1
+    return judged(
+        continuing,
+        f"{words} Of the {len(own) - 1} other returns on the continuing cliff {first} are shown "
+        f"to be at most {MARGIN:.0%} above the first, and {last} above the last (one-sided Welch).",
+        {"no higher than the first": first, "no higher than the last": last},
+        direction=other,
+        otherwise=Verdict.NOT_REPRODUCED if one_way else Verdict.INCONCLUSIVE,
+    )
+
+
+def _no_higher(own: pd.DataFrame, end: pd.Series) -> int:
+    """How many other returns are shown to be at most 5% of one above it.
+
+    Where all are, the return does not rise from that end, or fall to it: since each must be shown,
+    none of the tests is corrected for the others.
+    """
+    others = own[own.tasks_seen != end.tasks_seen]
+    tests = (welch(summary(r), summary(end), level=1 - 2 * LEVEL) for _, r in others.iterrows())
+    return sum(t.high < MARGIN * abs(end.mean_return) for t in tests)
 
 
 @effect_of("4.3-cliff-domain", figure_4_4.with_q_star, with_either)
@@ -88,17 +113,33 @@ def which_cliff(star: pd.DataFrame, episodic: pd.DataFrame) -> str:
 @criterion("4.3-cliff-random", figure_4_4.with_q_star, figure_4_4.with_q_tilde, with_either)
 def random_is_inferior(star: pd.DataFrame, tilde: pd.DataFrame, episodic: pd.DataFrame) -> Finding:
     """Random features against no selection, paired, on either cliff."""
-    listed, holds = [], []
-    for name, table in zip(NAMES, (star, tilde), strict=True):
-        own = table[table.method == "random"]
-        inferior = ahead(own, "none_minus")
-        holds.append(bool((inferior | (own.tasks_seen < 2)).all()))
-        listed.append(f"{name}: worse at {inferior.sum()} of {len(own)} numbers of tasks")
+    tables = dict(zip(NAMES, (star, tilde), strict=True))
+    rows = pd.concat(
+        [t[t.method == "random"].assign(target=name) for name, t in tables.items()],
+        ignore_index=True,
+    )
+    inferior = ahead(rows, "none_minus")
+    listed = "; ".join(
+        f"{name}: worse at {worse.sum()} of {len(worse)} numbers of tasks"
+        for name, worse in inferior.groupby(rows.target, sort=False)
+    )
+    late = rows[rows.tasks_seen >= 2]
+    better = -late.none_minus > late.none_minus_ci95 * wider(len(late))
+    margin = MARGIN * (late.mean_return + late.none_minus).abs()
+    alike = ~inferior[late.index] & (late.none_minus.abs() + late.none_minus_ci95 < margin)
+    mostly = (alike.groupby(late.target).mean() > 0.5).any()
     own = episodic[(episodic.method == "random") & (episodic.potential == "Q_star")]
-    return judged(
-        all(holds),
-        f"Continuing cliff, {'; '.join(listed)}. On the episodic cliff with Q* random features are "
+    return Finding(
+        graded(
+            inferior[late.index].all(),
+            denied=better.any(),
+            otherwise=Verdict.NOT_REPRODUCED if mostly else Verdict.INCONCLUSIVE,
+        ),
+        f"Continuing cliff, {listed}. From two tasks on they are better at {better.sum()} "
+        f"(corrected for all {len(late)}) and shown to be within {MARGIN:.0%} of the return "
+        f"without selection at {alike.sum()}. On the episodic cliff with Q* random features are "
         f"better at {behind(own, 'none_minus').sum()} of {len(own)}.",
+        {"worse": int(inferior[late.index].sum()), "better": int(better.sum())},
     )
 
 

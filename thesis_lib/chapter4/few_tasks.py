@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 
 from thesis_lib.chapter4 import figure_4_3, figure_4_4, figure_4_6
 from thesis_lib.chapter4.protocol import FEW, gains, wider
-from thesis_lib.edition.criteria import judged, positive
-from thesis_lib.edition.ledger import Finding, criterion
+from thesis_lib.edition.criteria import graded, positive
+from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.words import several
 
 
@@ -24,19 +26,24 @@ def helps_most_when_few(
     settings = {"triangle": triangle, "cliff, Q*": star, "cliff, Q~": tilde}
     low = stock[stock.global_factors < 4]
     settings |= {f"stock G = {g}": own for g, own in low.groupby("global_factors")}
-    best, falls = {}, []
-    for where, own in settings.items():
-        by = gains(own)
-        best[where] = n = int(by.fstek_minus.idxmax())
-        falls.append(falls_to_the_last(by, n))
+    by = {where: gains(own) for where, own in settings.items()}
+    best = {where: int(at.fstek_minus.idxmax()) for where, at in by.items()}
+    falls = [falls_to_the_last(by[where], n) for where, n in best.items()]
+    rises = rise_after_few(list(by.values()))
     few = max(best.values()) <= FEW
-    return judged(
-        few and all(falls),
+    return Finding(
+        graded(
+            few and all(falls),
+            direction=few,
+            denied=any(rises),
+            otherwise=Verdict.INCONCLUSIVE,
+        ),
         "FS-TEK gains most over no selection after this many tasks: "
         f"{several(f'{n} ({where})' for where, n in best.items())}; significantly more than after "
-        f"the most in {sum(falls)} of {len(falls)} (corrected for the choice of the most).",
+        f"the most in {sum(falls)} of {len(falls)} (corrected for the choice of the most), and "
+        f"significantly more after some number above {FEW} than after each up to it in "
+        f"{sum(rises)}.",
         best,
-        direction=few,
     )
 
 
@@ -49,6 +56,27 @@ def falls_to_the_last(by: pd.DataFrame, n: int) -> bool:
     at, last = by.loc[n], by.iloc[-1]
     half = wider(len(by) - 1) * np.hypot(at.fstek_minus_ci95, last.fstek_minus_ci95)
     return bool(at.fstek_minus - last.fstek_minus > half)
+
+
+def rise_after_few(settings: Sequence[pd.DataFrame]) -> list[bool]:
+    """Whether a gain after more than few tasks is above that after each few, by setting.
+
+    By intervals as of :func:`falls_to_the_last`; Bonferroni over all numbers of more than few
+    tasks, of which any will do.
+
+    Parameters
+    ----------
+    settings
+        Gains by number of tasks, from :func:`~thesis_lib.chapter4.protocol.gains`.
+    """
+    choices = sum(int((by.index > FEW).sum()) for by in settings)
+    found = []
+    for by in settings:
+        few, more = by[by.index <= FEW], by[by.index > FEW]
+        gap = np.subtract.outer(more.fstek_minus.to_numpy(), few.fstek_minus.to_numpy())
+        half = np.hypot.outer(more.fstek_minus_ci95.to_numpy(), few.fstek_minus_ci95.to_numpy())
+        found.append(bool((gap > wider(choices) * half).all(axis=1).any()))
+    return found
 
 
 @criterion("4.3.1-ibkr-filters", figure_4_3.by_method, figure_4_6.by_factors)

@@ -11,7 +11,16 @@ from matplotlib.figure import Figure
 
 from thesis_lib.chapter3.runs import TabularLearner
 from thesis_lib.chapter4 import looks
-from thesis_lib.chapter4.protocol import Flat, Level, Protocol, Selected, gains, measure, row
+from thesis_lib.chapter4.protocol import (
+    Flat,
+    Level,
+    Protocol,
+    Selected,
+    gains,
+    measure,
+    row,
+    share_interval,
+)
 from thesis_lib.chapter4.runs import Source, Target, solve_domain
 from thesis_lib.checks import one_of
 from thesis_lib.domains import continuing_cliff, episodic_cliff
@@ -29,6 +38,9 @@ METHODS = ("fs-tek", "ibkr", "jackknife", "random", "none", "constant")
 
 NAMES = ("Q*", "Q~")
 """How sentences name the two potentials."""
+
+ABOUT_40 = (0.3, 0.5)
+"""Shares that count as about 40%."""
 
 
 @dataclass(frozen=True)
@@ -100,17 +112,26 @@ def with_q_tilde(config: Config, context: Context) -> list[Selected]:
 @criterion("4.3-cliff-removes", with_q_star, with_q_tilde)
 def removes_position(*tables: pd.DataFrame) -> Finding:
     """How often FS-TEK removes the position features, over the numbers of tasks measured."""
-    listed, near = [], []
+    least, most = ABOUT_40
+    listed, counted, near, far = [], [], [], []
     for name, table in zip(NAMES, tables, strict=True):
         own = table[(table.method == "fs-tek") & (table.tasks_seen >= 4)]
         gone = (1 - own.fpr).set_axis(own.tasks_seen)
-        near.append(float(gone.between(0.3, 0.5).mean()))
+        over = share_interval(gone, own.n_runs.set_axis(own.tasks_seen), len(own))
+        within = (over.low >= least) & (over.high <= most)
+        beyond = (over.high < least) | (over.low > most)
+        near.append(float(within.mean()))
+        far.append(float(beyond.mean()))
         listed.append(f"{name}: {several(f'{share:.0%} at {n}' for n, share in gone.items())}")
+        counted.append(f"within at {within.sum()} and beyond at {beyond.sum()} ({name})")
     return judged(
         near[0] > 0.5,
-        f"Position removed with {'; '.join(listed)} tasks.",
-        dict(zip(NAMES, near, strict=True)),
+        f"Position removed with {'; '.join(listed)} tasks. Of {least:.0%} to {most:.0%} the 95% "
+        f"interval over runs, corrected for the {len(gone)} numbers of tasks, lies "
+        f"{several(counted)}.",
+        dict(zip(NAMES, near, strict=True)) | {"beyond": far[0]},
         direction=near[0] > 0,
+        otherwise=Verdict.NOT_REPRODUCED if far[0] > 0.5 else Verdict.INCONCLUSIVE,
     )
 
 

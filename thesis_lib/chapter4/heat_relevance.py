@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.chapter4.heat_space import HeatLearner, HeatSpace
+from thesis_lib.chapter4.protocol import wider
 from thesis_lib.domains.heat import LAYOUTS, HeatWorld
 from thesis_lib.edition.criteria import judged
 from thesis_lib.edition.experiment import Context, experiment
@@ -44,6 +45,9 @@ SETS: Mapping[str, tuple[str, ...]] = {
     "all": ("x", "y", "heading", "heat", "a"),
 }
 """Features removed together from the full set."""
+
+SMALL = 0.1
+"""Largest share of the relevance of all features that is a small amount."""
 
 
 @dataclass(frozen=True)
@@ -156,13 +160,16 @@ def information(table: pd.DataFrame) -> Finding:
     listed = several(
         f"{r.share:.1%} ± {r.share_ci95:.1%} at {r.sensor:g}" for r in own.itertuples()
     )
-    positive, most = bool((own.share > own.share_ci95).all()), float(own.share.max())
+    positive = bool((own.share > own.share_ci95).all())
+    small = bool((own.share + own.share_ci95 <= SMALL).all())
+    none = bool((own.share + own.share_ci95 * wider(len(own)) < 0).any())
     return judged(
-        positive and most <= 0.1,
+        positive and small,
         f"Share of the domain relevance of all features that goes with x, y and heading: {listed} "
         f"({own.n_tasks.iloc[0]} tasks each).",
-        {"most": most},
+        {"most": float(own.share.max())},
         direction=positive,
+        otherwise=Verdict.NOT_REPRODUCED if none else Verdict.INCONCLUSIVE,
     )
 
 

@@ -211,3 +211,33 @@ def wider(choices: int) -> float:
     (1.0, 1.274)
     """
     return float(norm.isf(0.025 / max(choices, 1)) / norm.isf(0.025))
+
+
+def share_interval(share: pd.Series, runs: pd.Series | int, choices: int = 1) -> pd.DataFrame:
+    """Wilson's 95% interval of a share of features kept or removed, row by row.
+
+    As if the features of a run went together, which is the most that they can vary.
+
+    Parameters
+    ----------
+    share
+        In [0, 1].
+    runs
+        Over how many runs, at least 1.
+    choices
+        With how many others each was looked at (Bonferroni).
+
+    Returns
+    -------
+    DataFrame
+        Columns ``low`` and ``high``, with the index of the shares.
+
+    Examples
+    --------
+    >>> share_interval(pd.Series([0.4, 1.0]), pd.Series([120, 120])).round(3).values.tolist()
+    [[0.317, 0.489], [0.969, 1.0]]
+    """
+    squared = norm.isf(0.025 / max(choices, 1)) ** 2 / runs
+    middle = (share + squared / 2) / (1 + squared)
+    half = (squared * share * (1 - share) + squared**2 / 4) ** 0.5 / (1 + squared)
+    return pd.DataFrame({"low": middle - half, "high": middle + half})
