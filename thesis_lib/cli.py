@@ -134,6 +134,8 @@ class Claims:
     """How many roots to judge on; 0 judges the saved results."""
     confirm: bool = False
     """Confirm the verdicts over seeds in --out that other code judged, on one root."""
+    reuse: bool = False
+    """With --seeds: let tables of earlier code stand where one root, made anew, is as it was."""
     budget: Budget = "book"
     """Of the evidence over seeds; only with --seeds or --confirm, as are --workers and --out."""
     workers: int = 1
@@ -147,6 +149,11 @@ class Claims:
         if self.seeds and self.confirm:
             raise ValueError(
                 "--seeds judges on every root and --confirm on one: give one of the two."
+            )
+        if self.reuse and not self.seeds:
+            raise ValueError(
+                "--reuse is about the tables of many roots: give --seeds 10 as well, or leave "
+                "it out."
             )
         if self.seeds:
             return self._over_seeds()
@@ -172,21 +179,20 @@ class Claims:
         return self.out or repository_root() / "_build" / "claims"
 
     def _over_seeds(self) -> int:
-        from thesis_lib.edition import roots
+        from thesis_lib.edition import confirm, roots
         from thesis_lib.edition.chapters import claims
         from thesis_lib.edition.ledger import select
 
         out = writable_directory(self._folder())
         chosen = select(claims(), self.only)
+        made: dict[str, Any] = {
+            **{"budget": self.budget, "workers": self.workers, "work": self.results},
+            "say": lambda line: print(line, flush=True),
+        }
         for part in roots.parts(chosen, roots.TOGETHER if self.workers > 1 else 0.0):
-            judged = roots.judge_over(
-                part,
-                self.seeds,
-                budget=self.budget,
-                workers=self.workers,
-                work=self.results,
-                say=lambda line: print(line, flush=True),
-            )
+            if self.reuse and (stand := confirm.reuse(part, self.seeds, **made)):
+                print(f"Tables that stand: {', '.join(stand)}", flush=True)
+            judged = roots.judge_over(part, self.seeds, **made)
             # What is judged is kept, whatever becomes of the rest.
             found = roots.save(judged, self.budget, out / "verdicts.csv")
             for j in judged:

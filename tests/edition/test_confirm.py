@@ -113,3 +113,39 @@ def test_evidence_that_is_drawn_now_needs_every_root(file, tmp_path, other_code,
 def test_a_table_that_is_missing_is_told(tmp_path):
     with pytest.raises(ForeseenError, match=r"no verdicts to confirm, for .* --out"):
         confirm.aged(CLAIMS, tmp_path / "verdicts.csv")
+
+
+def reused(tmp_path, n=10):
+    lines = []
+    found = confirm.reuse(CLAIMS, n, budget="book", work=tmp_path / "work", say=lines.append)
+    return found, lines
+
+
+def test_tables_of_earlier_code_stand_where_one_is_as_it_was(file, tmp_path, other_code):
+    other_code()
+    found, lines = reused(tmp_path)
+    assert found == ["drawn"]  # of what is exact there is one table, which is made anew
+    assert len(lines) == 1
+    root = int(lines[0].partition("root ")[2].partition(":")[0])
+    judged_again = judged(tmp_path, lines=lines)
+    assert len(lines) == 2  # that one
+    by = {j.claim.id: j.confirmed for j in judged_again}
+    assert by == {"often": root, "seldom": root, "sure": 0}
+    roots.save(judged_again, "book", file)
+    table = read_csv(file)
+    assert (table.confirmed[table.claim != "sure"] == root).all()
+    assert reused(tmp_path) == ([], [])
+
+
+def test_a_table_that_differs_in_a_bit_lets_none_stand(file, tmp_path, other_code, known):
+    other_code()
+    known["drawn"] = toy("drawn", lambda config, context: drawn(config, context) + 1e-12)
+    found, lines = reused(tmp_path)
+    assert found == []
+    assert len(lines) == 1
+    judged(tmp_path, lines=lines)
+    assert len(lines) == 11  # the other nine roots, and what is exact
+
+
+def test_without_tables_there_is_nothing_to_reuse(tmp_path):
+    assert reused(tmp_path) == ([], [])

@@ -133,8 +133,8 @@ def test_verdicts_in_a_table_have_their_colours(shown: list[Any]) -> None:
         "",
         "| claim | verdict | ours | why |",
         "| :--- | :--- | :--- | :--- |",
-        "| [refuted]{.verdict .refuted} | [not reproduced]{.verdict .not-reproduced} (9\u00a0of\u00a010) "
-        "| – | 0\u00a0(1) |",
+        "| [refuted]{.verdict .refuted} "
+        "| [not reproduced]{.verdict .not-reproduced} (9\u00a0of\u00a010) | – | 0\u00a0(1) |",
     ]
     assert "not reproduced (9\u00a0of\u00a010)" in forms["text/html"]
     nb.table(pd.DataFrame({"x": ["refuted"]}), name="t", caption="c")

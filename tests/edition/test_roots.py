@@ -57,7 +57,7 @@ CLAIMS = [claim("often", "drawn", 3), claim("seldom", "drawn", 6), claim("sure",
 def known(monkeypatch):
     """Two experiments, one of which draws."""
     made = {"drawn": toy("drawn", drawn), "fixed": toy("fixed", fixed)}
-    monkeypatch.setattr(roots, "_experiments", lambda: made)
+    monkeypatch.setattr(roots, "experiments", lambda: made)
     monkeypatch.setattr(roots, "place", lambda experiment: ("toys", experiment.id))
     return made
 
@@ -260,7 +260,7 @@ from thesis_lib.edition import roots
 
 HERE = Path(__file__).parent
 toys = {name: SimpleNamespace(seconds=60.0) for name in ("first", "second")}
-roots._experiments = lambda: toys
+roots.experiments = lambda: toys
 roots._settings = lambda experiment, budget: experiment
 
 def work(jobs):

@@ -80,13 +80,19 @@ def over_roots(table: pd.DataFrame) -> dict[str, OverRoots]:
 
 # ------------------------------------------------------------------------------ tables
 @cache
-def _experiments() -> dict[str, Experiment[Any]]:
+def experiments() -> dict[str, Experiment[Any]]:
+    """Every experiment by id."""
     return chapters.experiments()
 
 
-def _read_config(experiment: Experiment[Any], budget: str) -> Any:
+def read_config(experiment: Experiment[Any], budget: str) -> Any:
     """The config at a budget, without what no claim reads."""
     return dataclasses.replace(experiment.config(budget), **experiment.claims_read)
+
+
+def tables_folder(work: Path | None) -> Path:
+    """Where the tables of roots are kept; default ``_build/claims``."""
+    return writable_directory(work or repository_root() / "_build" / "claims")
 
 
 @dataclass(frozen=True)
@@ -104,18 +110,32 @@ class Job:
         """Where its table lies."""
         return self.work / self.budget / f"root-{self.root}"
 
+    @property
+    def table(self) -> Path:
+        """Its table."""
+        return self.folder / f"{self.experiment}.csv"
+
+    @property
+    def record(self) -> Path:
+        """The provenance of that."""
+        return self.table.with_suffix(".json")
+
+    def recorded(self) -> dict[str, Any] | None:
+        """The provenance of its table, whatever code made it; None without a table."""
+        if not self.record.is_file():
+            return None
+        found: dict[str, Any] = json.loads(self.record.read_text(encoding="utf-8"))
+        return found
+
     def provenance(self) -> dict[str, Any] | None:
         """That of its table, if there is one made by the code as it is."""
-        record = self.folder / f"{self.experiment}.json"
-        if not record.is_file():
-            return None
-        found: dict[str, Any] = json.loads(record.read_text(encoding="utf-8"))
-        return found if found.get("code") == self.code else None
+        found = self.recorded()
+        return found if found and found.get("code") == self.code else None
 
     def __call__(self) -> Job:
         """Make the table."""
-        known = _experiments()[self.experiment]
-        config = _read_config(known, self.budget)
+        known = experiments()[self.experiment]
+        config = read_config(known, self.budget)
         result = known.run(self.budget, config=config, seed=self.root)
         stamped = {**result.provenance, "code": self.code}
         dataclasses.replace(result, provenance=stamped).save(self.folder)
@@ -142,7 +162,7 @@ def _in_turn(jobs: Sequence[Job]) -> list[list[Job]]:
 
 def _settings(experiment: str, budget: str) -> str:
     """A text that experiments with the same config share."""
-    config = _read_config(_experiments()[experiment], budget)
+    config = read_config(experiments()[experiment], budget)
     return f"{type(config).__module__} {config!r}"
 
 
@@ -228,8 +248,8 @@ def code_of_table(experiment: Experiment[Any], config: Any) -> str:
 
 def code_of_claim(claim: Claim, budget: str) -> str:
     """Digest of what makes and judges a claim's evidence."""
-    known = [_experiments()[e] for e in claim.experiments]
-    configs = [repr(_read_config(e, budget)) for e in known]
+    known = [experiments()[e] for e in claim.experiments]
+    configs = [repr(read_config(e, budget)) for e in known]
     return digest([place(x) for x in (*claim.criteria, *known)], *claim.rests_on, *configs)
 
 
@@ -241,11 +261,15 @@ def code_of_criterion(claim: Claim) -> str:
 # ------------------------------------------------------------------------------ verdicts
 @dataclass(frozen=True)
 class Judged:
-    """A claim's findings by root, the first of them first, and the code before they were made."""
+    """A claim's findings by root, the first of them first, and the code before they were made.
+
+    ``confirmed`` is the root that the code as it is made anew, where it let other tables stand.
+    """
 
     claim: Claim
     findings: Mapping[int, Finding]
     code: str
+    confirmed: int = 0
 
 
 def parts(claims: Iterable[Claim], together: float = 0.0) -> list[list[Claim]]:
@@ -259,7 +283,7 @@ def parts(claims: Iterable[Claim], together: float = 0.0) -> list[list[Claim]]:
         Groups whose evidence takes less than so many seconds a root are joined: with one table at
         a time to make, all processes but one would wait.
     """
-    known = _experiments()
+    known = experiments()
     alike: dict[str, set[str]] = {}
     for one in known:
         alike.setdefault(_settings(one, "book"), set()).add(one)
@@ -282,8 +306,8 @@ def parts(claims: Iterable[Claim], together: float = 0.0) -> list[list[Claim]]:
     return [members for _, members in joined]
 
 
-def _seconds(experiments: Iterable[str]) -> float:
-    return sum(_experiments()[e].seconds for e in experiments)
+def _seconds(wanted: Iterable[str]) -> float:
+    return sum(experiments()[e].seconds for e in wanted)
 
 
 def judge_over(
@@ -327,10 +351,10 @@ def judge_over(
     """
     positive_integer("seeds", roots)
     positive_integer("workers", workers)
-    folder = writable_directory(work or repository_root() / "_build" / "claims")
+    folder = tables_folder(work)
     needed = dict.fromkeys(e for claim in claims for e in claim.experiments)
-    known = sorted((_experiments()[e] for e in needed), key=lambda e: -float(e.seconds))
-    codes = {e.id: code_of_table(e, _read_config(e, budget)) for e in known}
+    known = sorted((experiments()[e] for e in needed), key=lambda e: -float(e.seconds))
+    codes = {e.id: code_of_table(e, read_config(e, budget)) for e in known}
     # A run that is committed while tables are made may be one that they did not read.
     judged_by = {claim.id: code_of_claim(claim, budget) for claim in claims}
 
@@ -364,7 +388,13 @@ def judge_over(
             for root in group if drawn else [0] if first in group else []:
                 tables = {e: table(e, root) for e in claim.experiments}
                 found[claim.id][root] = finding(claim, tables, budget)
-    return [Judged(claim, found[claim.id], judged_by[claim.id]) for claim in claims]
+
+    def confirmed(claim: Claim) -> int:
+        """The root of the tables that earlier code made, if there are any."""
+        jobs = [Job(e, first, budget, folder, codes[e]) for e in claim.experiments]
+        return max(((job.provenance() or {}).get("confirmed", 0) for job in jobs), default=0)
+
+    return [Judged(c, found[c.id], judged_by[c.id], confirmed(c)) for c in claims]
 
 
 def _decided(findings: Mapping[int, Finding], least: int, roots: int) -> bool:
@@ -380,7 +410,7 @@ def save(judged: Sequence[Judged], budget: str, file: Path) -> dict[str, OverRoo
     state, rows = commit(), []
     for j in judged:
         evidence = budget if j.claim.experiments else "exact"
-        judged_by = (j.code, code_of_criterion(j.claim), 0, state)
+        judged_by = (j.code, code_of_criterion(j.claim), j.confirmed, state)
         rows += [
             (j.claim.id, root, str(f.verdict), evidence, rounded(f.numbers), *judged_by)
             for root, f in j.findings.items()
