@@ -184,7 +184,13 @@ def test_prediction_claims_can_fail() -> None:
         assert prediction.shrinkage_errs_least(same).verdict is Verdict.DIRECTION
     assert prediction.error_predicts_return(table).verdict is Verdict.REPRODUCED
     wrong = table.assign(mean_return=-table.mean_return)
-    assert prediction.error_predicts_return(wrong).verdict is Verdict.NOT_REPRODUCED
+    assert prediction.error_predicts_return(wrong).verdict is Verdict.REFUTED
+    # Half of the cells the other way: 0 on average, and the interval over cells reaches -.5 or not.
+    cell = pd.factorize(table.domain + table.tasks_seen.astype(str))[0]
+    mixed = table.assign(mean_return=table.mean_return * (1 - 2 * (cell % 2)))
+    many = pd.concat([mixed.assign(domain=mixed.domain + str(i)) for i in range(10)])
+    verdicts = [prediction.error_predicts_return(t).verdict for t in (mixed, many)]
+    assert verdicts == [Verdict.INCONCLUSIVE, Verdict.NOT_REPRODUCED]
 
 
 def test_effects_of_an_irrelevant_feature_have_mean_zero_and_repeat_as_often_as_they_must() -> None:

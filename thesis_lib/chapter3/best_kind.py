@@ -127,4 +127,9 @@ def _of_three(pairs: Sequence[Pair]) -> tuple[Verdict, int]:
             for t, q in zip(tests, holm([t.p_value for t in tests]), strict=True)]  # fmt: skip
     rest = [p for p, m in zip(pairs, more, strict=True) if not m]
     alike = bool(rest) and equivalent(rest, 0.05).verdict is Verdict.REPRODUCED
-    return graded(sum(more) == 2 and alike, direction=any(more)), sum(more)
+    # Where two are alike or the other way, two of three cannot be more.
+    less = sum(equivalent([p], 0.05).verdict is Verdict.REPRODUCED or t.high < 0
+               for p, t in zip(pairs, tests, strict=True))  # fmt: skip
+    otherwise = Verdict.NOT_REPRODUCED if less >= 2 else Verdict.INCONCLUSIVE
+    holds = sum(more) == 2 and alike
+    return graded(holds, direction=any(more), otherwise=otherwise), sum(more)

@@ -258,12 +258,14 @@ def error_predicts_return(table: pd.DataFrame) -> Finding:
         if excess.loc[at].nunique() > 1 and earned.loc[at].nunique() > 1
     ]
     mean = mean_ci(ranks)
-    high = mean.mean + mean.half_width
-    verdict = Verdict.REPRODUCED if high < -0.5 else Verdict.NOT_REPRODUCED
-    if -0.5 <= high < 0:
-        verdict = Verdict.DIRECTION
+    low, high = mean.mean - mean.half_width, mean.mean + mean.half_width
     return Finding(
-        verdict,
+        graded(
+            high < -0.5,
+            direction=high < 0,
+            denied=low > 0,
+            otherwise=Verdict.NOT_REPRODUCED if low > -0.5 else Verdict.INCONCLUSIVE,
+        ),
         f"Over {mean.n} cells the rank correlation of error and return among selectors is "
         f"{mean.mean:.2f} ± {mean.half_width:.2f}.",
         {"correlation": mean.mean},

@@ -112,7 +112,8 @@ def ordered(pairs: Sequence[Pair], unit: str = "") -> Finding:
     """Whether every first is the greater: Welch's tests with Holm's correction.
 
     Reproduced when all are, significantly; refuted when one is significantly the lesser; right
-    in direction only when all are greater and some not significantly.
+    in direction only when all are greater and some not significantly; else inconclusive, for what
+    is not significantly the lesser may be the greater.
 
     Parameters
     ----------
@@ -136,7 +137,7 @@ def ordered(pairs: Sequence[Pair], unit: str = "") -> Finding:
         but = f"{'only ' if any(sure) else ''}{_also(sum(sure), len(pairs))} significantly so"
         lead = f"{_of(len(pairs), len(pairs))} the way stated, but {but}"
     else:
-        verdict = Verdict.NOT_REPRODUCED
+        verdict = Verdict.INCONCLUSIVE
         lead = f"{_of(sum(right), len(pairs))} the way stated"
     told = "; ".join(
         f"{pair} (difference {number(t.difference, (t.high - t.low) / 2, sign=True)}, "
@@ -309,7 +310,9 @@ def positive(contrasts: Mapping[str, tuple[float, float]], what: str) -> Finding
     p = holm(2 * distributions.norm.sf(np.abs(estimate) / np.maximum(error, 1e-300)))
     sure = p < LEVEL
     above, below = (estimate > 0).all(), (sure & (estimate < 0)).any()
-    verdict = graded(above and sure.all(), direction=above, denied=below)
+    verdict = graded(
+        above and sure.all(), direction=above, denied=below, otherwise=Verdict.INCONCLUSIVE
+    )
     parts = [
         f"{where}: {plus_minus(e, 1.96 * se) if se else number(e)} ({probability(q)})"
         for (where, (e, se)), q in zip(contrasts.items(), p, strict=True)
