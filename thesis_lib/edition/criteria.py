@@ -140,13 +140,14 @@ def ordered(pairs: Sequence[Pair], unit: str = "") -> Finding:
         verdict = Verdict.INCONCLUSIVE
         lead = f"{_of(sum(right), len(pairs))} the way stated"
     told = "; ".join(
-        f"{pair} (difference {number(t.difference, (t.high - t.low) / 2, sign=True)}, "
-        f"95% interval {span(t.low, t.high)}, {probability(p)})"
+        f"{pair} ({number(t.difference, (t.high - t.low) / 2, sign=True)} "
+        f"[{span(t.low, t.high)}], {probability(p)})"
         for pair, t, p in zip(pairs, tests, adjusted, strict=True)
     )
     return Finding(
         verdict,
-        f"{lead} (Welch, Holm; {_runs(pairs)}{_in(unit)}): {told}.",
+        f"{lead} (Welch, Holm; {_runs(pairs)}{_in(unit)}; in brackets differences with 95% "
+        f"intervals): {told}.",
         {key: t.difference for key, t in zip(_keys(pairs), tests, strict=True)},
     )
 
