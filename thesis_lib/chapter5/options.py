@@ -15,7 +15,6 @@ from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion, effect_of
 from thesis_lib.edition.plots import PRINTED
 from thesis_lib.edition.saved import saved
-from thesis_lib.edition.words import number
 from thesis_lib.stats import mean_ci
 from thesis_lib.training.config import TrainConfig, step_size
 from thesis_lib.training.curves import MARGIN, PAIRED_COLUMNS, compared, summary
@@ -104,7 +103,7 @@ def needed(table: pd.DataFrame) -> str:
         f"Both were compared at initial time constants of {row.time_constant:g} s, and the "
         f"benchmark starts from {run.time_constant:g} s: claims on them stay open until "
         f"{arms} settings have {row.n} seeds of {FIRST} iterations at the printed batch from "
-        f"there, about {number(hours)} processor hours."
+        f"there, about {hours:.1f} processor hours."
     )
 
 
