@@ -189,8 +189,23 @@ def paths() -> alt.Chart:
     ).add_params(episodes)
 
 
+def _means(curves: pd.DataFrame, every: int) -> pd.DataFrame:
+    """Mean return over runs at every so many iterations, so that the page is light."""
+    curves = curves[curves.iteration % every == 0]
+    curves = curves.assign(
+        task=curves.task + curves.terrain.map({"flat": "", "hill": " on hills"}),
+        architecture=curves.architecture.str.upper(),
+    )
+    by = curves.groupby(["task", "architecture", "iteration"], as_index=False)
+    means = by[["steps", "mean_return"]].mean().round().drop(columns="iteration")
+    return means.astype({"steps": int, "mean_return": int})
+
+
 def learning() -> alt.Chart:
-    """Learning curves, a robot and ground at a time: the study's, or shorter ones without it."""
+    """Learning curves, a robot and ground at a time: the study's, or shorter ones without it.
+
+    Runs of the printed length are a choice of their own.
+    """
     cell = ["task", "terrain", "architecture"]
     curves = pd.concat(
         [
@@ -199,12 +214,9 @@ def learning() -> alt.Chart:
         ]
     )
     curves = curves[curves.deep == curves.groupby(cell).deep.transform("max")]
-    curves = curves[curves.iteration % 10 == 0]  # the page is to stay light
-    curves["task"] += curves.terrain.map({"flat": "", "hill": " on hills"})
-    curves = curves.assign(architecture=curves.architecture.str.upper())
-    by = curves.groupby(["task", "architecture", "iteration"], as_index=False)
-    means = by[["steps", "mean_return"]].mean().round().drop(columns="iteration")
-    means = means.astype({"steps": int, "mean_return": int})
+    long = _means(saved("study/depth/curves").table, every=20)
+    long["task"] += f", {round(long.steps.max() / 1e6)} million steps"
+    means = pd.concat([_means(curves, every=10), long])
     robot = alt.param(
         name="robot",
         value="HalfCheetah",
