@@ -151,8 +151,8 @@ def test_what_is_kept_is_held_against_the_length_of_training(tmp_path):
     assert "sign test p = 0.016" in told  # 2 / 2**7
     assert "printed shares is 1.00 (p = 0) after the longer training" in told
     assert training_length.losers(table) == (
-        "after 25 million steps on the flat HalfCheetah 7 of 7 nets keep less under noise than "
-        "after 3 million, and 7 of 7 over the switch"
+        "of the nets that learned on flat ground (HalfCheetah) 7 of 7 keep less under noise after "
+        "25 million steps than after 3 million, and 7 of 7 over the switch"
     )
     assert training_length.losers(lacking).startswith("no row")
     drawn = [line for ax in training_length.draw(table).axes for line in ax.lines]

@@ -103,6 +103,9 @@ def _shares(store: Runs) -> pd.DataFrame:
     return wide.merge(rows[several], on=["task", "terrain", "steps"])
 
 
+_GROUND = {"flat": "flat ground", "hill": "hills"}
+
+
 def where(table: pd.DataFrame) -> str:
     """The robots and grounds of the table: ``HalfCheetah, flat``."""
     return "; ".join(dict.fromkeys(table.task + ", " + table.trained_on))
@@ -174,10 +177,10 @@ def losers(table: pd.DataFrame) -> str:
         short, long = wide.columns.min(), wide.columns.max()
         less = (wide[long] < wide[short]).groupby("perturbation").agg(["sum", "size"])
         told.append(
-            f"after {long / 1e6:.0f} million steps on the {ground} {robot} "
-            f"{less['sum']['noise']} of {less['size']['noise']} nets keep less under noise than "
-            f"after {short / 1e6:.0f} million, and {less['sum']['switch']} of "
-            f"{less['size']['switch']} over the switch"
+            f"of the nets that learned on {_GROUND[ground]} ({robot}) "
+            f"{less['sum']['noise']} of {less['size']['noise']} keep less under noise after "
+            f"{long / 1e6:.0f} million steps than after {short / 1e6:.0f} million, and "
+            f"{less['sum']['switch']} of {less['size']['switch']} over the switch"
         )
     return "; ".join(told) if told else "no row has been trained for two lengths yet"
 
@@ -198,7 +201,7 @@ def reading(table: pd.DataFrame) -> str:
         ranks = [spearmanr(wide[steps], printed) for steps in (short, long)]
         when = "under noise" if perturbation == "noise" else "over the switch"
         told.append(
-            f"On the {robot} trained on {ground} ground {less} of {len(wide)} nets keep less "
+            f"On the {robot} trained on {_GROUND[ground]} {less} of {len(wide)} nets keep less "
             f"{when} after {long / 1e6:.0f} million steps than after {short / 1e6:.0f} (sign "
             f"test p = {p:.2g}); the rank correlation of what they keep with the printed shares "
             f"is {ranks[1].statistic:.2f} (p = {ranks[1].pvalue:.2g}) after the longer training "
