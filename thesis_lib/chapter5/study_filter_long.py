@@ -120,5 +120,6 @@ def draw(table: pd.DataFrame) -> Figure:
     ax.set_xticks(range(len(times)), [f"{time:g}" for time in times])
     ax.set(xlabel="correlation time of the noise, control steps", ylabel="share of the return kept")
     if len(table):
-        ax.legend(ncols=4, fontsize=8)
+        handles = ax.get_legend_handles_labels()
+        fig.legend(*handles, loc="outside upper center", ncols=7, fontsize=8, handlelength=1.2)
     return fig
