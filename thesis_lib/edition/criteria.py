@@ -112,8 +112,7 @@ def ordered(pairs: Sequence[Pair], unit: str = "") -> Finding:
     """Whether every first is the greater: Welch's tests with Holm's correction.
 
     Reproduced when all are, significantly; refuted when one is significantly the lesser; right
-    in direction only when all are greater and some not significantly; else inconclusive, for what
-    is not significantly the lesser may be the greater.
+    in direction only when all are greater and some not significantly; else inconclusive.
 
     Parameters
     ----------
@@ -260,8 +259,7 @@ def no_greater(
     tolerant
         Whether only being greater by more than the margin refutes (Welch, Bonferroni).
     choices
-        Among how many settings each first was chosen after looking, such as learning rates: a
-        refutation is corrected for it.
+        Settings among which each first was chosen after looking; corrects a refutation.
     """
     tests = [welch(p.first, p.second, level=1 - 2 * LEVEL) for p in pairs]
     bounds = [margin * abs(p.second.mean) for p in pairs]
@@ -340,10 +338,8 @@ def near_printed(
 
     Parameters
     ----------
-    ours, error
-        Means and their standard errors, shape ``(n,)``.
-    printed, printed_error
-        What the thesis prints, and the standard errors of that.
+    ours, error, printed, printed_error
+        Our means and what the thesis prints, with their standard errors, shape ``(n,)``.
     fitted
         How many settings were fitted to these numbers; each costs a degree of freedom.
     """
