@@ -15,7 +15,6 @@ from thesis_lib.chapter3.runs import NAMES
 from thesis_lib.edition.deepest import deepest
 from thesis_lib.edition.experiment import load
 from thesis_lib.edition.plots import COLOURS
-from thesis_lib.edition.words import plain
 from thesis_lib.stats import mean_ci
 
 WIDTH, HEIGHT = 260, 150
@@ -45,7 +44,7 @@ def steps() -> alt.Chart:
 
 def constant(table: pd.DataFrame) -> alt.Chart:
     """Return of each potential on stock trading at its best learning rate; of ``figure-3.4``."""
-    own = two_stocks(table).assign(name=lambda t: t.potential.map(NAMES).map(plain))
+    own = two_stocks(table).assign(name=lambda t: t.potential.map(NAMES).str.replace("^", ""))
     own = own.assign(low=own.mean_return - own.ci95, high=own.mean_return + own.ci95)
     base = alt.Chart(own[["name", "mean_return", "low", "high"]]).encode(
         y=alt.Y("name:N", title=None, sort="-x")
