@@ -189,9 +189,14 @@ def paths() -> alt.Chart:
     ).add_params(episodes)
 
 
-def _means(curves: pd.DataFrame, every: int) -> pd.DataFrame:
-    """Mean return over runs at every so many iterations, so that the page is light."""
-    curves = curves[curves.iteration % every == 0]
+POINTS = 10
+"""Of a learning curve, so that the page is light."""
+
+
+def _means(curves: pd.DataFrame) -> pd.DataFrame:
+    """Mean return over runs at some iterations."""
+    longest = curves.groupby(["task", "terrain", "architecture"]).iteration.transform("max")
+    curves = curves[curves.iteration % (longest // POINTS) == 0]
     curves = curves.assign(
         task=curves.task + curves.terrain.map({"flat": "", "hill": " on hills"}),
         architecture=curves.architecture.str.upper(),
@@ -214,9 +219,9 @@ def learning() -> alt.Chart:
         ]
     )
     curves = curves[curves.deep == curves.groupby(cell).deep.transform("max")]
-    long = _means(saved("study/depth/curves").table, every=20)
+    long = _means(saved("study/depth/curves").table)
     long["task"] += f", {round(long.steps.max() / 1e6)} million steps"
-    means = pd.concat([_means(curves, every=10), long])
+    means = pd.concat([_means(curves), long])
     robot = alt.param(
         name="robot",
         value="HalfCheetah",
