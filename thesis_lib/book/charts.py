@@ -263,29 +263,27 @@ def charts() -> dict[str, str]:
     made = {}
     for name, (make, words) in CHARTS.items():
         square = name in ("huddle", "paths")
-        width = HEIGHT if square else WIDTH
-        chart = make()
-        spec = _spec(chart, width, HEIGHT)
-        made[f"chart-{name}.svg"] = svg(chart, width, HEIGHT)
+        spec = drawn(make(), HEIGHT if square else WIDTH, HEIGHT)
+        made[f"chart-{name}.svg"] = svg(spec)
         moving = spec if square else {**spec, "width": "container"}
         made[f"picture-{name}.md"] = picture(name, words)
         made[f"chart-{name}.md"] = _page(name, words, moving)
     return made
 
 
-def _spec(chart: alt.Chart, width: int, height: int) -> dict[str, Any]:
-    """A chart in the book's style, as Vega-Lite."""
+def drawn(chart: alt.Chart, width: int, height: int) -> dict[str, Any]:
+    """A chart in the book's style as Vega-Lite, of so many pixels without its axes."""
     spec: dict[str, Any] = (
         chart.properties(width=width, height=height).configure(**_PAPER).to_dict()
     )
     return spec
 
 
-def svg(chart: alt.Chart, width: int, height: int) -> str:
-    """A chart as a picture, ``width`` by ``height`` pixels without its axes."""
+def svg(spec: dict[str, Any]) -> str:
+    """The picture of a chart, from :func:`drawn`."""
     import vl_convert
 
-    return str(vl_convert.vegalite_to_svg(_spec(chart, width, height)))
+    return str(vl_convert.vegalite_to_svg(spec))
 
 
 def picture(name: str, words: str) -> str:

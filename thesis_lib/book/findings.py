@@ -9,7 +9,7 @@ import altair as alt
 import numpy as np
 import pandas as pd
 
-from thesis_lib.book.charts import CHARTS, law, picture, svg, threshold
+from thesis_lib.book.charts import CHARTS, drawn, law, picture, svg, threshold
 from thesis_lib.chapter3.figure_3_4 import two_stocks
 from thesis_lib.chapter3.runs import NAMES
 from thesis_lib.edition.deepest import deepest
@@ -108,7 +108,7 @@ def findings(results: Path | str, *, draft: bool = False) -> dict[str, str]:
     FileNotFoundError
         If a table is missing and this is no draft.
     """
-    drawn: dict[str, tuple[alt.Chart, str]] = {
+    shown: dict[str, tuple[alt.Chart, str]] = {
         "law-small": (law(), CHARTS["law"][1]),
         "threshold-small": (threshold(), CHARTS["threshold"][1]),
         "steps": (steps(), "Ratio of successive steps of k-relevance over k"),
@@ -122,8 +122,8 @@ def findings(results: Path | str, *, draft: bool = False) -> dict[str, str]:
                 raise
             made[f"picture-{name}.md"] = ""
             continue
-        drawn[name] = make(table), words
-    for name, (chart, words) in drawn.items():
-        made[f"chart-{name}.svg"] = svg(chart, WIDTH, HEIGHT)
+        shown[name] = make(table), words
+    for name, (chart, words) in shown.items():
+        made[f"chart-{name}.svg"] = svg(drawn(chart, WIDTH, HEIGHT))
         made[f"picture-{name}.md"] = picture(name, words)
     return made

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -27,24 +28,40 @@ def helps_most_when_few(
     low = stock[stock.global_factors < 4]
     settings |= {f"stock G = {g}": own for g, own in low.groupby("global_factors")}
     by = {where: gains(own) for where, own in settings.items()}
+    verdict, best, fall, rise = most_after_few(by)
+    return Finding(
+        verdict,
+        "FS-TEK gains most over no selection after this many tasks: "
+        f"{several(f'{n} ({where})' for where, n in best.items())}; significantly more than after "
+        f"the most in {fall} of {len(best)} (corrected for the choice of the most), and "
+        f"significantly more after some number above {FEW} than after each up to it in {rise}.",
+        best,
+    )
+
+
+def most_after_few(by: Mapping[Any, pd.DataFrame]) -> tuple[Verdict, dict[Any, int], int, int]:
+    """Whether FS-TEK gains most after few tasks in every setting.
+
+    Parameters
+    ----------
+    by
+        Gains by number of tasks, from :func:`~thesis_lib.chapter4.protocol.gains`, by setting.
+
+    Returns
+    -------
+    tuple
+        The verdict; after how many tasks the gain is the largest, by setting; in how many settings
+        it falls from there to the last (:func:`falls_to_the_last`), and rises again
+        (:func:`rise_after_few`).
+    """
     best = {where: int(at.fstek_minus.idxmax()) for where, at in by.items()}
     falls = [falls_to_the_last(by[where], n) for where, n in best.items()]
     rises = rise_after_few(list(by.values()))
     few = max(best.values()) <= FEW
-    return Finding(
-        graded(
-            few and all(falls),
-            direction=few,
-            denied=any(rises),
-            otherwise=Verdict.INCONCLUSIVE,
-        ),
-        "FS-TEK gains most over no selection after this many tasks: "
-        f"{several(f'{n} ({where})' for where, n in best.items())}; significantly more than after "
-        f"the most in {sum(falls)} of {len(falls)} (corrected for the choice of the most), and "
-        f"significantly more after some number above {FEW} than after each up to it in "
-        f"{sum(rises)}.",
-        best,
+    verdict = graded(
+        few and all(falls), direction=few, denied=any(rises), otherwise=Verdict.INCONCLUSIVE
     )
+    return verdict, best, sum(falls), sum(rises)
 
 
 def falls_to_the_last(by: pd.DataFrame, n: int) -> bool:

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib.arrays import BoolArray
 from thesis_lib.chapter4 import looks
-from thesis_lib.chapter4.few_tasks import falls_to_the_last, rise_after_few
+from thesis_lib.chapter4.few_tasks import most_after_few
 from thesis_lib.chapter4.heat_runs import BOOK, SMOKE, Config, by_noise, measure_heat
 from thesis_lib.chapter4.looks import SYMBOLS
 from thesis_lib.chapter4.protocol import (
@@ -28,7 +28,7 @@ from thesis_lib.chapter4.protocol import (
     wider,
 )
 from thesis_lib.chapter4.runs import Run
-from thesis_lib.edition.criteria import graded, judged
+from thesis_lib.edition.criteria import judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import COLOURS, PRINTED
@@ -324,22 +324,14 @@ def helps_most_when_few(table: pd.DataFrame) -> Finding:
     """Number of tasks at which FS-TEK gains most, by noise."""
     own = table[table.panel == "first episodes"]
     by = {sensor: gains(at).sort_index() for sensor, at in own.groupby("sensor")}
-    best = {sensor: int(at.fstek_minus.idxmax()) for sensor, at in by.items()}
-    falls = [falls_to_the_last(by[sensor], n) for sensor, n in best.items()]
-    rises = rise_after_few(list(by.values()))
-    few = max(best.values()) <= FEW
+    verdict, best, fall, rise = most_after_few(by)
     return Finding(
-        graded(
-            few and all(falls),
-            direction=few,
-            denied=any(rises),
-            otherwise=Verdict.INCONCLUSIVE,
-        ),
+        verdict,
         "On the heat domain FS-TEK gains most over no selection after "
         f"{several(f'{n} (noise {sensor:g})' for sensor, n in best.items())} tasks; significantly "
-        f"more than after {own.tasks_seen.max()} at {sum(falls) or 'none'} of the {len(best)} "
+        f"more than after {own.tasks_seen.max()} at {fall or 'none'} of the {len(best)} "
         "levels of noise (corrected for the choice of the most), and significantly "
-        f"more after some number above {FEW} than after each up to it at {sum(rises) or 'none'}.",
+        f"more after some number above {FEW} than after each up to it at {rise or 'none'}.",
         {f"{sensor:g}": n for sensor, n in best.items()},
     )
 

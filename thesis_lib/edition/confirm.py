@@ -138,7 +138,7 @@ def reuse(
         if not earlier or earlier[0][0] == code or earlier[0][1] < 2:
             continue
         old = [job for job, by in made_by.items() if by == earlier[0][0]]
-        again = old[int(hashlib.sha256(code.encode()).hexdigest(), 16) % len(old)]
+        again = old[_drawn(code, len(old))]
         tried.append((old, again, again.table.read_bytes()))
     roots.make([again for _, again, _ in tried], workers, say)
     stand = []
@@ -164,7 +164,12 @@ def _not_to_be_confirmed(claim: Claim, own: pd.DataFrame, budget: str) -> str:
 def _root(claims: Sequence[Claim], budget: str, most: int) -> int:
     """A root from 1 to ``most`` that the code of all claims draws."""
     codes = "".join(roots.code_of_claim(c, budget) for c in claims)
-    return 1 + int(hashlib.sha256(codes.encode()).hexdigest(), 16) % most
+    return 1 + _drawn(codes, most)
+
+
+def _drawn(code: str, most: int) -> int:
+    """A number from 0 to below ``most`` that code draws, and not who gives the command."""
+    return int(hashlib.sha256(code.encode()).hexdigest(), 16) % most
 
 
 def _differs(judged: roots.Judged, own: pd.DataFrame, root: int) -> str:
