@@ -1,5 +1,7 @@
 """The results store as chapter 5 reads it."""
 
+import dataclasses
+import json
 from itertools import product
 
 import numpy as np
@@ -7,14 +9,22 @@ import pandas as pd
 import pytest
 
 from thesis_lib import published
-from thesis_lib.chapter5 import cell_table, judging, printed_length, table_5_2, training_length
-from thesis_lib.chapter5.cells import NETS
+from thesis_lib.chapter5 import (
+    cell_table,
+    cells,
+    judging,
+    printed_length,
+    table_5_2,
+    training_length,
+)
+from thesis_lib.chapter5.cells import NETS, ROBOTS
 from thesis_lib.chapter5.contrasts import Config, chosen
 from thesis_lib.chapter5.returns import table_5_3, table_c_1
 from thesis_lib.chapter5.runs import read_runs
 from thesis_lib.edition.ledger import Verdict
 from thesis_lib.edition.words import number
 from thesis_lib.published import TASKS
+from thesis_lib.robustness import CONDITIONS
 from thesis_lib.training import curves
 from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.plan import cost
@@ -331,6 +341,44 @@ def test_a_file_without_a_column_is_named(tmp_path):
         ValueError, match=r"curves\.csv of the layer 'depth' lacks the columns seed"
     ):
         read_runs(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("termination", "never"), ("difficulty", 0.5), ("noise", 0.5), ("steps", 20), ("seed", 1)],
+)
+def test_tests_under_other_conditions_do_not_mix(tmp_path, name, value):
+    for folder in ("depth", "breadth"):
+        layer(tmp_path, folder, 3, 4, 20_000)
+    config = dataclasses.asdict(SuiteConfig())
+    (tmp_path / "depth" / "tests.json").write_text(json.dumps({"config": config}))
+    other = config | {name: value, "runs": 100, "memory": False}  # of these there are columns
+    (tmp_path / "breadth" / "tests.json").write_text(json.dumps({"config": other}))
+    with pytest.raises(ValueError, match=f"with {name} .* keep those of other conditions outside"):
+        read_runs(tmp_path)
+    (tmp_path / "breadth" / "tests.json").write_text(json.dumps({"config": config | {"runs": 9}}))
+    assert len(read_runs(tmp_path).curves)
+
+
+def test_nets_that_one_picture_compares_have_learned_for_as_long(tmp_path):
+    """Two nets have deep runs and a third shallow ones alone: then the shallow ones count."""
+    for name, nets, iterations in (("breadth", ("ffwd", "dffwd", "ffwd-400"), 4),
+                                   ("depth", ("ffwd", "dffwd"), 10)):  # fmt: skip
+        parts = [
+            layer(tmp_path, f"{name}/{net}", 3, iterations, 20_000, architecture=net)
+            for net in nets
+        ]
+        tests = [
+            RUN | {"architecture": net, "seed": seed, "condition": condition, "run": 0}
+            | {"return": float(iterations)}
+            for net in nets for seed in range(3) for condition in CONDITIONS
+        ]  # fmt: skip
+        pd.DataFrame(tests).to_parquet(parts[0] / "tests.parquet")
+    store, rng = read_runs(tmp_path), np.random.default_rng(0)
+    nets = ("FFWD", "DFFWD", "FFWD-400")
+    for across, expected in ((("terrain",), [10, 10, 4]), (("terrain", "architecture"), [4] * 3)):
+        made = cells.from_tests(store, rng, 10, nets, across)
+        assert made.mean[0, 0, ROBOTS.index("Hopper")].tolist() == expected
 
 
 def test_the_store_is_what_a_sweep_and_its_tests_write(tmp_path):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -114,10 +114,26 @@ def from_learning(store: Runs, rng: np.random.Generator, n_resamples: int) -> Ce
 
 
 def from_tests(
-    store: Runs, rng: np.random.Generator, n_resamples: int, nets: tuple[str, ...] = NETS
+    store: Runs,
+    rng: np.random.Generator,
+    n_resamples: int,
+    nets: tuple[str, ...] = NETS,
+    across: Sequence[str] = ("terrain",),
 ) -> Cells:
-    """Returns of tests by seed, from runs of ours, on both grounds at one budget."""
-    table = store.returns(across=["terrain"])
+    """Returns of tests by seed, from runs of ours, on both grounds at one budget.
+
+    Parameters
+    ----------
+    store
+        Our runs.
+    rng, n_resamples
+        Source and number of resamples.
+    nets
+        In the order of the last axis.
+    across
+        What is compared, so that one budget counts (:meth:`~thesis_lib.chapter5.runs.Runs.depths`).
+    """
+    table = store.only(architectures=[net.lower() for net in nets]).returns(across=across)
     plain = (table.correlation == 0) & (table.intervention == "none")
     return _ours(table[plain], CONDITIONS, nets, rng, n_resamples)
 

@@ -8,6 +8,7 @@ same iteration; one that has not come so far is left out.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,6 +46,10 @@ TEST_COLUMNS: Mapping[str, str] = {
 }
 """Columns of ``tests``, one row a test run of a policy; ``correlation`` and ``intervention`` may
 be left out where there is none, and ``policy`` where it is the last."""
+
+TESTED_ALIKE = ("steps", "termination", "noise", "onset", "difficulty", "switch_at", "seed")
+"""Settings of :class:`~thesis_lib.training.suite.SuiteConfig` that ``tests`` has no column for:
+in one store they are the same for all."""
 
 PRINTED_STEPS = 500 * 50_000
 """Control steps of a run of table 5.2: 500 iterations of 50,000."""
@@ -189,14 +194,31 @@ def read_runs(folder: Path | str | None = None) -> Runs:
     Raises
     ------
     ValueError
-        When a file lacks a column.
+        When a file lacks a column, or tests were made under conditions that differ.
     """
     root = Path(folder) if folder else repository_root() / "results" / "study"
     curves = _read(root, "curves", CURVE_COLUMNS)
     tests = _read(root, "tests", TEST_COLUMNS)
+    _check_tested_alike(root)
     longest = curves.groupby([*CELL, "layer"]).iteration.transform("max")
     reached = curves.groupby([*CELL, "layer", "seed"]).iteration.transform("max")
     return Runs(curves[reached == longest], tests)
+
+
+def _check_tested_alike(root: Path) -> None:
+    """Raise ValueError where records of tests (``tests.json``) differ in their conditions."""
+    records = {path: json.loads(path.read_text()) for path in sorted(root.glob("**/tests.json"))}
+    known = {path: made["config"] for path, made in records.items() if "config" in made}
+    for name in TESTED_ALIKE:
+        given = {path: config[name] for path, config in known.items() if name in config}
+        for path, value in given.items():
+            first = next(iter(given))
+            if value != given[first]:
+                raise ValueError(
+                    f"tests in {str(path.parent)!r} were made with {name} {value!r} and those in "
+                    f"{str(first.parent)!r} with {given[first]!r}, which one table would mix up: "
+                    "keep those of other conditions outside the store."
+                )
 
 
 def _read(root: Path, name: str, columns: Mapping[str, str]) -> pd.DataFrame:
