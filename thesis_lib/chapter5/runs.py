@@ -90,6 +90,12 @@ class Runs:
                 parts = [part[part[name].isin(values)] for part in parts]
         return Runs(*parts)
 
+    def in_full(self) -> Runs:
+        """The runs as long as the thesis's (:data:`PRINTED_STEPS`)."""
+        lengths = self.depths()
+        long = lengths.loc[lengths.steps >= PRINTED_STEPS, [*CELL, "layer"]]
+        return Runs(*(part.merge(long) for part in (self.curves, self.tests)))
+
     def depths(self, *, enough: int = ENOUGH, across: Sequence[str] = ()) -> pd.DataFrame:
         """The budgets there are for each cell, the one that counts first.
 
