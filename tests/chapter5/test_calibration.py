@@ -72,9 +72,26 @@ def test_what_fits_and_what_was_not_tried(tmp_path: Path) -> None:
     assert "2 of 3 readings have one seed alone." in left
 
 
+def test_the_reading_in_use_is_bold_and_a_faster_one_is_told(tmp_path: Path) -> None:
+    ffwd = {"architecture": "ffwd", "task": "HalfCheetah", "sensors": "all", "head_scale": 0.1}
+    ctrnn = {"architecture": "ctrnn", "delta_kl": 0.1}  # table 5.1, on the Hopper
+    made = table(
+        tmp_path,
+        curves("all", 0, [500.0] * 4).assign(**ffwd, delta_kl=0.05),
+        curves("all", 0, [600.0] * 4).assign(**ffwd, delta_kl=0.1),
+        curves("code", 0, [700.0] * 4).assign(**ctrnn, time_constant=0.1),
+        curves("code", 0, [200.0] * 4).assign(**ctrnn, time_constant=1.0),
+    )
+    assert set(calibration.shown(made)["first 100"]) == {"**500**", "600", "**700**", "200"}
+    assert "one in use learned FFWD (HalfCheetah):" in calibration.fit(made)
+    told = calibration.of_step_sizes(made)
+    assert "FFWD on the HalfCheetah 500 (1 seed; 500 at the end) with 0.05 and 600 " in told
+    assert "CTRNN" not in told  # one step size
+
+
 def test_the_runs_that_are_kept() -> None:
     made = readings.run("book").table
     assert (made.n_runs >= 1).all()
     assert not made[list(calibration.SETTINGS)].duplicated().any()
     told = calibration.of_subsets(made) + calibration.of_time_constants(made)
-    assert "nan" not in told + calibration.of_output_start(made)
+    assert "nan" not in told + calibration.of_output_start(made) + calibration.of_step_sizes(made)

@@ -5,6 +5,7 @@ import dataclasses
 import errno
 import fcntl
 import json
+import math
 import os
 import signal
 import subprocess
@@ -659,3 +660,22 @@ def test_a_script_without_a_guard_says_what_it_lacks(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert "ValueError: the processes that are to work could not be started" in done.stderr
     assert 'under `if __name__ == "__main__":`' in done.stderr.splitlines()[-1]
+
+
+def test_a_plan_shows_the_jobs_of_slurm(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By dask-jobqueue itself: a job a run, on one core, with the memory that runs need."""
+    asked = ["sweep", "--tasks", "half-cheetah", "--architectures", "ffwd", "gru", "--seeds", "0"]
+    asked += ["--out", str(tmp_path), "--runs-in", str(tmp_path / "runs"), "--plan"]
+    assert cli.main([*asked, "--scheduler", "slurm"]) == 0
+    shown = capsys.readouterr().out
+    runs = [TrainConfig("HalfCheetah", architecture=net) for net in ("ffwd", "gru")]
+    megabytes = math.ceil(math.ceil(max(map(memory, runs))) * 1e9 / 2**20)
+    assert "#SBATCH --cpus-per-task=1" in shown
+    assert f"#SBATCH --mem={megabytes}M" in shown
+    assert "--nthreads 1 " in shown
+    assert not (tmp_path / "runs").exists() or not list((tmp_path / "runs").iterdir())
+    monkeypatch.setitem(sys.modules, "dask_jobqueue", None)  # as where it is not installed
+    assert cli.main([*asked, "--scheduler", "slurm"]) == 2
+    assert "pip install 'thesis_lib[slurm]'" in capsys.readouterr().err
