@@ -13,7 +13,6 @@ from thesis_lib.mdp.environment import from_gymnasium
 from thesis_lib.mdp.evaluation import evaluate
 from thesis_lib.mdp.learning import learn
 from thesis_lib.mdp.planning import policy_iteration, soft_policy_iteration, solve, value_iteration
-from thesis_lib.mdp.simulation import follow, simulate
 
 TASKS = {"grid": grid(3), "random": random_mdp(0, terminal=1), "continuing": random_mdp(1)}
 
@@ -192,8 +191,6 @@ def test_an_environment_where_a_task_is_needed_is_told_what_to_pass():
             policy_iteration,
             lambda task: soft_policy_iteration(task, 0.1),
             lambda task: evaluate(task, [0]),
-            lambda task: simulate(task, [0], episodes=1, rng=0),
-            lambda task: follow(task, [0], rng=0),
             TabularEnv,
             lambda task: Domain("mine", [task]),
         ):

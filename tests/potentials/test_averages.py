@@ -261,11 +261,6 @@ def test_least_squares_weights_refuse_moments_of_another_shape():
         potentials.least_squares_weights(np.ones((2, 2)), np.ones((2, 2)))
 
 
-def test_shaping_rewards_by_hand():
-    assert potentials.state_shaping([1.0, 3.0], 0.5, 0, 1) == 0.5 * 3 - 1
-    assert potentials.look_ahead_advice([[1.0, 2.0], [3.0, 4.0]], 0.5, 0, 1, 1, 0) == 0.5 * 3 - 2
-
-
 @pytest.mark.parametrize(
     ("weights", "message"),
     [

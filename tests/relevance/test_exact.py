@@ -15,6 +15,7 @@ from tests.relevance.worlds import (
     distribution,
     exact_k_relevance,
     exact_relevance,
+    forward_relevance,
     kinds,
     labels,
     seeds,
@@ -26,10 +27,7 @@ from thesis_lib.relevance import (
     brute_force_k_relevance,
     cross_task_q,
     domain_relevance,
-    feature_k_relevance,
-    forward_relevance,
     k_relevance,
-    keep,
     list_sequences,
     rate,
     relevance,
@@ -176,36 +174,6 @@ def test_tasks_of_probability_zero_do_not_count() -> None:
     y = labels(3, solutions.n_pairs)
     with_zero = k_relevance(solutions, y, [1, 2, 5], distribution=[0.5, 0, 0.5, 0])
     np.testing.assert_allclose(with_zero, k_relevance(solutions.take([0, 2]), y, [1, 2, 5]))
-
-
-@settings(deadline=None, max_examples=40)
-@given(seed=seeds, kind=kinds)
-def test_all_features_at_once(seed: int, kind: str) -> None:
-    solutions = world(seed, kind, 4, sizes=(2, 2, 3))
-    k, D = [1, 2, 5], distribution(seed, 4)
-    for removed, rest in (([], [0, 1, 2]), (["f1"], [0, 2])):
-        backward = feature_k_relevance(solutions, k, removed=removed, distribution=D)
-        forward = feature_k_relevance(
-            solutions, [1, 3], removed=removed, replacement=False, direction="forward"
-        )
-        for row, feature in enumerate(rest):
-            chosen = [*removed, feature]
-            np.testing.assert_allclose(
-                backward[row],
-                k_relevance(solutions, remove(solutions, chosen), k, distribution=D),
-                atol=1e-11,
-            )
-            np.testing.assert_allclose(
-                forward[row],
-                k_relevance(
-                    solutions,
-                    keep(solutions, chosen),
-                    [1, 3],
-                    replacement=False,
-                    direction="forward",
-                ),
-                atol=1e-11,
-            )
 
 
 # Invariances.

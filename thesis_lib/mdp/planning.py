@@ -33,7 +33,6 @@ from thesis_lib.mdp.greedy import (
 from thesis_lib.mdp.model import MDP
 from thesis_lib.mdp.occupancy import (
     average_reward,
-    occupancy,
     stationary_distribution,
     transition_matrix,
 )
@@ -48,7 +47,6 @@ __all__ = [
     "epsilon_greedy",
     "evaluate",
     "greedy_actions",
-    "occupancy",
     "policy_iteration",
     "proper_policy",
     "soft_policy_iteration",
