@@ -7,6 +7,7 @@ import fcntl
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -46,12 +47,29 @@ from thesis_lib.training.curves import (
 from thesis_lib.training.grid import GRID_COLUMNS, Grid, key, parse_variant, run_name
 from thesis_lib.training.plan import STEP_COST, cost, makespan, memory, plan
 from thesis_lib.training.store import Store
-from thesis_lib.training.sweep import Outcome, in_order, sweep
+from thesis_lib.training.sweep import Outcome, _Line, in_order, sweep
 from thesis_lib.training.train import train
 from thesis_lib.training.trained import TrainedPolicies
 
 SMALL = TrainConfig(batch_steps=100, horizon=20, iterations=3, checkpoint_every=1)
 TIMES = ["sampling_seconds", "update_seconds", "wall_seconds"]
+
+
+def test_a_terminal_shows_how_far_all_runs_are_by_what_they_cost(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    long = dataclasses.replace(SMALL, seed=1, iterations=9)  # 9 of the 12 iterations
+    for terminal, shown in ((False, []), (True, ["0%", "8%", "25%", "25%", "100%"])):
+        monkeypatch.setattr("sys.stderr.isatty", lambda terminal=terminal: terminal)
+        line = _Line([SMALL, long], {run_name(SMALL): 0, run_name(long): 0})
+        line.iteration(run_name(SMALL), 1)
+        line.ended(Outcome(SMALL))
+        line.iteration(run_name(long), 0)
+        line.ended(Outcome(long, "broke"))
+        text = capsys.readouterr().err
+        assert re.findall(r"\d+%", text) == shown
+    told = re.findall(r"(\d) of 2 runs done, (\d) running(, 1 failed)?", text)
+    assert ["".join(of) for of in told] == ["01", "10", "11", "10, 1 failed"]
 
 
 @pytest.fixture(scope="module")
