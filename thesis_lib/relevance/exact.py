@@ -397,7 +397,7 @@ def check_lengths(k: ArrayLike, largest: int | None = None) -> IntArray:
 
 
 class _Law:
-    """k-relevance of partitions of the same tasks, with what they share computed once."""
+    """k-relevance of partitions of some tasks."""
 
     def __init__(
         self,
