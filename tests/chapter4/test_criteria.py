@@ -8,6 +8,7 @@ import pytest
 from scipy.stats import binomtest
 
 from thesis_lib import chapter4
+from thesis_lib.chapter4 import interdependence
 from thesis_lib.chapter4.appendix_b import STATEMENTS
 from thesis_lib.chapter4.protocol import share_interval
 from thesis_lib.edition.chapters import read_chapter
@@ -615,6 +616,26 @@ def test_how_far_curves_are_from_the_law_is_computed():
     """Through 1 and 2 at k = 1 and 20 it is at 2 - (1/12 - 1/20) / (1 - 1/20) = 1.96 at 12."""
     found = BY_ID["4.1.1-plateau"].judge({"figure-4.1": curves()})
     assert "at most 0.9 of the largest" in found.evidence
+
+
+def test_forward_relevance_keeps_the_smaller_subset(monkeypatch):
+    """B goes first where it is the first of B, C and D, in a third of the orders; C and D stay."""
+    judge = BY_ID["4.2-smaller-subset"].judge
+    found = judge({})
+    assert found.verdict is YES
+    assert "features: {A, B} in 24 where" in found.evidence
+    for kept in ("{A, B} in 16", "{A, C, D} in 8"):
+        assert kept in found.evidence.partition("marked; ")[2]
+
+    class NoSmaller:
+        def fit(self, solutions):
+            return self
+
+        def get_feature_names_out(self):
+            return list("ACD")
+
+    monkeypatch.setattr(interdependence, "IBKR", NoSmaller)
+    assert judge({}).verdict is WRONG
 
 
 def test_shares_have_wilsons_interval():
