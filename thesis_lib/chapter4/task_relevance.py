@@ -27,7 +27,7 @@ from thesis_lib.edition.plots import COLOURS
 from thesis_lib.mdp.aggregated import learn_aggregated
 from thesis_lib.relevance import ACTION, ground
 from thesis_lib.selection import JackknifeF, NoSelection, TaskRelevance, task_explained
-from thesis_lib.stats import Mean, bootstrap_ci, mean_ci
+from thesis_lib.stats import Mean, bootstrap_ci, least_power, mean_ci
 
 SYMBOLS: Mapping[str, str] = {
     "full": "full table",
@@ -382,7 +382,9 @@ def error_is_negligible(table: pd.DataFrame) -> Finding:
     return judged(
         rare and (gap - half > -margin).all(),
         f"A feature that matters is missing (Wilson's 95% intervals over runs, corrected for the "
-        f"number of domains), on {listed}.",
+        f"number of domains), on {listed}. Without any difference of reward each would be shown to "
+        f"be at most {MARGIN:.0%} below in at least {least_power(margin, half, sides=1):.0%} of "
+        "samples.",
         {f"hidden, {d}": float(own[d]) for d in own.index},
         direction=(own <= early).all() and (own < early).any() and not worse,
         otherwise=Verdict.NOT_REPRODUCED if often or worse else Verdict.INCONCLUSIVE,
