@@ -11,7 +11,7 @@ import pytest
 from sphinx.ext.napoleon import Config
 from sphinx.ext.napoleon.docstring import NumpyDocstring
 
-from thesis_lib.book.names import exists, find, tell_attributes_apart
+from thesis_lib.book.names import exists, find, keep_first_words, tell_attributes_apart
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = ROOT / "book" / "api"
@@ -32,6 +32,13 @@ def test_attributes_that_share_a_line_are_told_apart() -> None:
     read = str(NumpyDocstring(text, Config(napoleon_use_ivar=True)))
     for line in (":ivar low: Bounds.", ":ivar high: Bounds.", ":vartype high: float", ":ivar n: "):
         assert line in read
+
+
+def test_an_attribute_s_words_before_a_colon_are_no_type() -> None:
+    keep_first_words()
+    text = "flat, or hill: one map, drawn from the seed.\n\n:meta hide-value:"
+    read = NumpyDocstring(text, Config(), what="attribute", name="x", obj=object).lines()
+    assert "\n".join(read).strip() == text
 
 
 @pytest.mark.parametrize("package", PACKAGES)
