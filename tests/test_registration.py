@@ -1,5 +1,6 @@
 """Environments by id, and what an installed package adds to the library by its entry points."""
 
+import os
 import subprocess
 import sys
 from importlib.resources import files
@@ -18,6 +19,7 @@ from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.disturbances import parse_perturbation
 from thesis_lib.training.run import Training
 
+ROOT = Path(__file__).parents[1]
 PACKAGE = """
 from dataclasses import dataclass, replace
 from thesis_lib.domains import Domain, triangle
@@ -132,6 +134,36 @@ def test_an_architecture_of_ones_own(package):
 
 def test_what_is_built_in_keeps_its_name(package):
     assert make_policy("ffwd", 4, 2, dt=0.1).n_trainable == 4 * 6 + 6 + 6 * 2 + 2 + 2
+
+
+CLASHES = """
+[thesis_lib.domains]
+Hopper = my_package:two_triangles
+Heat = my_package:two_triangles
+two words = my_package:two_triangles
+TwoTriangles = my_package:others
+[thesis_lib.robots]
+AntHill = my_package:POGO
+"""
+TELL = """
+import gymnasium, thesis_lib
+for name in ("Hopper", "Heat", "AntHill", "TwoTriangles"):
+    spec = gymnasium.spec(f"thesis/{name}-v0")
+    print(spec.entry_point.rpartition(":")[2], *spec.kwargs.values())
+"""
+
+
+def test_no_package_takes_an_id_or_keeps_the_library_from_being_imported(package):
+    install(package, "other", CLASHES)
+    paths = {"PYTHONPATH": f"{package}{os.pathsep}{ROOT}"}
+    done = subprocess.run(
+        [sys.executable, "-c", TELL], capture_output=True, text=True, env={**os.environ, **paths}
+    )
+    told = ["LocomotionEnv Hopper", "HeatEnv", "LocomotionEnv Ant 0.5", "make TwoTriangles"]
+    assert done.stdout.splitlines() == told, done.stderr
+    assert "domain 'two words' gets no id in Gymnasium" in done.stderr
+    with pytest.raises(ValueError, match=r"domain 'TwoTriangles' is offered as .* and as "):
+        gymnasium.make("thesis/TwoTriangles-v0", task=1)
 
 
 def test_a_perturbation_of_ones_own(package):
