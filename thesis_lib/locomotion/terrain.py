@@ -218,7 +218,12 @@ def hills(
     at difficulty 1.
     """
     law = PRESETS[one_of("preset", preset, PRESETS)]
-    site = _SITES[one_of("robot", robot, _SITES)]
+    if robot not in _SITES:
+        raise ValueError(
+            f"there are no hills for robot {robot!r}, only for {', '.join(_SITES)}: leave the "
+            "ground flat, or lend it a map of theirs."
+        )
+    site = _SITES[robot]
     if not (np.isfinite(difficulty) and difficulty >= 0):
         raise ValueError(
             f"difficulty is {difficulty}, but it must be a finite number of metres, 0 or more."
