@@ -299,12 +299,14 @@ def test_returns_on_an_environment_are_those_of_the_greedy_policy(pendulum: Trai
     "given", [{"terrain": "hill"}, {"perturbations": ("WhiteNoise()",)}, {"termination": "never"}]
 )
 def test_what_only_a_robot_has_is_refused_elsewhere(pendulum: Training, given: dict) -> None:
-    with pytest.raises(ValueError, match=f"Pendulum-v1 is no robot .*: leave {next(iter(given))}"):
+    with pytest.raises(
+        ValueError, match=f"Pendulum-v1 is no robot's name.*: leave {next(iter(given))}"
+    ):
         evaluate(pendulum, EvaluateConfig(**given))
 
 
 def test_no_film_is_made_of_what_is_no_robot(pendulum: Training, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"Pendulum-v1 is no robot .*: leave film out"):
+    with pytest.raises(ValueError, match=r"Pendulum-v1 is no robot's name.*: leave film out"):
         film(pendulum, tmp_path / "run.gif", SHORT)
     pendulum.save(tmp_path / "run")
     command = ["evaluate", str(tmp_path / "run"), "--film", str(tmp_path / "run.gif")]

@@ -215,7 +215,7 @@ def task_for(trained: Training | Trained, config: EvaluateConfig) -> BatchTask |
 def no_robot(task: str, setting: str) -> ValueError:
     """The error that a setting of a test needs a robot."""
     return ValueError(
-        f"{task} is no robot of section 5.1, and terrain, perturbations, termination and film are "
+        f"{task} is no robot's name, and terrain, perturbations, termination and film are "
         f"for robots alone: leave {setting} out."
     )
 
