@@ -175,7 +175,8 @@ def hills(
     preset
         A key of :data:`PRESETS`.
     robot
-        Whose floor, extent and scale to use: Swimmer, Hopper, HalfCheetah, Walker2d or Ant.
+        Whose floor, extent and scale to use: Swimmer, Hopper, HalfCheetah, Walker2d or Ant;
+        robots of packages have none of their own.
     resolution
         Distance between nodes, metres; default a tenth of a unit, as in the author's code
         (0.2 m, or 0.25 m for the HalfCheetah and the Ant).

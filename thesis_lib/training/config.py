@@ -136,7 +136,7 @@ class TrainConfig:
     reading: str = "code"
     """code, text or duan: whose rewards and observations (see make_task)."""
     alive_bonus: float | None = None
-    """Replaces the task's bonus for staying alive."""
+    """Replaces the task's bonus for staying alive, in reward a step."""
     units: int | None = None
     """Hidden units of nets with one hidden layer; default section 5.4."""
     previous_action: bool | None = None
