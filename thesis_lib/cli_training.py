@@ -35,7 +35,7 @@ from thesis_lib.training.evaluation import idle_settings as idle_in_test
 from thesis_lib.training.film import check_film, film
 from thesis_lib.training.grid import GRID, GRID_COLUMNS, Grid, key, run_name
 from thesis_lib.training.merge import merge
-from thesis_lib.training.plan import CORES, cost, makespan, memory, plan
+from thesis_lib.training.plan import CORES, cost, makespan, memory, not_measured, plan
 from thesis_lib.training.store import Store
 from thesis_lib.training.suite import RULES, SuiteConfig, best, check_kept, evaluate_all
 from thesis_lib.training.suite import write as write_tests
@@ -384,6 +384,8 @@ class Sweep:
         table = plan(left)
         print(text(table))
         print(f"{len(left)} runs, about {table.core_hours.sum():.1f} processor hours:")
+        if guessed := not_measured(left):
+            print(f"  (a guess: {', '.join(guessed)} counts as the median of what was measured)")
         seconds = [cost(c) for c in left]
         for cores in CORES:
             hours = makespan(seconds, cores) / 3600

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
 from types import MappingProxyType
 from typing import Literal
 
@@ -225,7 +226,7 @@ def hills(
             "ground flat, or lend it a map of theirs."
         )
     site = _SITES[robot]
-    if not (np.isfinite(difficulty) and difficulty >= 0):
+    if not (isinstance(difficulty, Real) and 0 <= difficulty < np.inf):
         raise ValueError(
             f"difficulty is {difficulty}, but it must be a finite number of metres, 0 or more."
         )
