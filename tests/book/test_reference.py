@@ -91,9 +91,20 @@ def test_what_prose_names_of_the_package_is_linked() -> None:
                 assert not exists(span), f"{where}: link {span}"
 
 
+ROLES = re.compile(r"{(?:func|class|mod|meth|data|attr)}`~?(?:[^`<]*<)?([\w.]+)>?`")
+
+
+def test_each_notebook_leads_to_the_reference_and_each_recipe_is_led_to() -> None:
+    told = [(where.partition(".ipynb")[0], text) for where, text in prose() if ".ipynb" in where]
+    assert {name for name, text in told if ROLES.search(text)} == {
+        notebook.stem for notebook in (ROOT / "notebooks").glob("*.ipynb")
+    }
+    linked = {name for _, text in told for name in re.findall(r"recipes/(\w+)\.md\)", text)}
+    assert linked == {recipe.stem for recipe in (ROOT / "book" / "recipes").glob("*.md")}
+
+
 def test_links_of_prose_lead_to_the_reference() -> None:
-    roles = re.compile(r"{(?:func|class|mod|meth|data|attr)}`~?(?:[^`<]*<)?([\w.]+)>?`")
-    linked = [(where, name) for where, text in prose() for name in roles.findall(text)]
+    linked = [(where, name) for where, text in prose() for name in ROLES.findall(text)]
     assert len(linked) > 20
     modules = {f"thesis_lib.{name}" for name in described()}
     for where, name in linked:
