@@ -120,7 +120,7 @@ def keep_first_words() -> None:
         lines = docstring._dedent(docstring._consume_to_end())
         return "", NumpyDocstring(lines, docstring._config).lines()
 
-    NumpyDocstring._consume_inline_attribute = whole  # type: ignore[method-assign]
+    NumpyDocstring._consume_inline_attribute = whole  # type: ignore[method-assign, assignment]
 
 
 def setup(app: Any) -> dict[str, bool]:
