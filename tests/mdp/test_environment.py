@@ -196,5 +196,7 @@ def test_an_environment_where_a_task_is_needed_is_told_what_to_pass():
         ):
             with pytest.raises(ValueError, match=f"a task is needed, but .* pass {instead}"):
                 use(env)
-    with pytest.raises(ValueError, match="lists no transitions"):
+    with pytest.raises(ValueError, match=r"lists no transitions .*; build a TabularMDP"):
         from_gymnasium(pole, 0.9)
+    with pytest.raises(ValueError, match=r"take the one that it holds, env\.unwrapped\.mdp"):
+        from_gymnasium(gymnasium.make("thesis/Triangle-v0"), 0.9)

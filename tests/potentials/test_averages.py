@@ -288,3 +288,9 @@ def test_potential_with_missing_pairs(two_tasks):
     phi[2] = np.nan
     with pytest.raises(ValueError, match=r"no value at observation \(code=3\)"):
         two_tasks.scatter_all(phi)
+
+
+def test_constant_potential_is_the_same_number_at_every_pair(two_tasks):
+    constant = potentials.constant_potential(two_tasks, -3)
+    assert constant.dtype == float
+    np.testing.assert_array_equal(constant, [[-3, -3]] * 3)  # observations 1, 2 and 3

@@ -45,7 +45,7 @@ from thesis_lib.training.curves import (
     write,
 )
 from thesis_lib.training.grid import GRID_COLUMNS, Grid, key, parse_variant, run_name
-from thesis_lib.training.plan import STEP_COST, cost, makespan, memory, plan
+from thesis_lib.training.plan import STEP_COST, cost, makespan, memory, not_measured, plan
 from thesis_lib.training.store import Store
 from thesis_lib.training.sweep import Outcome, _Line, in_order, sweep
 from thesis_lib.training.train import train
@@ -327,6 +327,9 @@ def test_what_runs_cost() -> None:
     assert memory(run) == 1.0
     assert memory(TrainConfig(task="Ant", architecture="esn")) == pytest.approx(1.6)
     assert all(len(nets) == 7 for nets in STEP_COST.values())
+    elsewhere = TrainConfig("Pendulum-v1", architecture="gru")
+    guessed = ["Pendulum-v1 (flat)", "dffwd-softplus"]
+    assert not_measured([run, elsewhere, other, elsewhere]) == guessed
 
     table = plan([run, run, dataclasses.replace(run, terrain="hill")])
     assert table.runs.tolist() == [2, 1]

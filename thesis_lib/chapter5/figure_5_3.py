@@ -51,7 +51,7 @@ class Point:
     """Mean over the first 500 iterations by table 5.2; the printed curves are a picture."""
 
 
-@experiment("figure-5.3", item="Figure 5.3", smoke=Config(), book=Config(), seconds=0.5)
+@experiment("figure-5.3", item="Figure 5.3", smoke=Config(), book=Config(), seconds=1.7)
 def curves(config: Config, context: Context) -> list[Point]:
     """Learning curves by robot, ground and net at the deepest budget there is."""
     store = config.runs()

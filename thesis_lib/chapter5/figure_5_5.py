@@ -49,7 +49,7 @@ class Score:
     """Whether all learned for as many steps as the thesis's."""
 
 
-@experiment("figure-5.5", item="Figure 5.5", smoke=SMOKE, book=Config(), seconds=0.2)
+@experiment("figure-5.5", item="Figure 5.5", smoke=SMOKE, book=Config(), seconds=0.8)
 def depth(config: Config, context: Context) -> list[Score]:
     """Scores under noise with a softplus net and a wide shallow one; their bars are a picture."""
     a, b = (np.random.default_rng(s) for s in context.seeds(2))

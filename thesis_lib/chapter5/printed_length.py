@@ -62,7 +62,7 @@ class Point:
     item="Table 5.2 (printed length)",
     smoke=Config(),
     book=Config(),
-    seconds=0.5,
+    seconds=2,
 )
 def curves(config: Config, context: Context) -> list[Point]:
     """Learning curves of runs as long as the thesis's, seed by seed."""

@@ -58,7 +58,7 @@ class Effect:
     """Whether all learned for as many steps as the thesis's."""
 
 
-@experiment("ch5-hills", item="Study 2", smoke=SMOKE, book=Config(), seconds=0.2)
+@experiment("ch5-hills", item="Study 2", smoke=SMOKE, book=Config(), seconds=0.8)
 def effects(config: Config, context: Context) -> list[Effect]:
     """Differences of differences by training on hills, printed and ours."""
     a, b, c, d = (np.random.default_rng(s) for s in context.seeds(4))

@@ -87,7 +87,7 @@ def seeds_needed(difference: float, sd: float) -> int:
     return low
 
 
-@experiment("ch5-seeds", item="Study 3", smoke=Config(), book=Config(), seconds=0.9)
+@experiment("ch5-seeds", item="Study 3", smoke=Config(), book=Config(), seconds=1.4)
 def pairs(config: Config, context: Context) -> list[Pair]:
     """Seeds that table 5.2's rankings need, from printed and from our variances."""
     table = entries.run(config=config).table

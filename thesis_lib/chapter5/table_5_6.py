@@ -92,7 +92,7 @@ class Ratio:
     """Whether all learned for as many steps as the thesis's."""
 
 
-@experiment("table-5.6", item="Table 5.6", smoke=SMOKE, book=Config(), seconds=0.4)
+@experiment("table-5.6", item="Table 5.6", smoke=SMOKE, book=Config(), seconds=1.2)
 def ratios(config: Config, context: Context) -> list[Ratio]:
     """Improvement ratios by training on hills: printed bounds, rebuilt ones, and ours."""
     seeds = context.seeds(2)

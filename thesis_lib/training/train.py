@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from thesis_lib.training.run import Training, TrainingStopped
 def default_directory(config: TrainConfig) -> Path:
     """Where a run goes unless asked otherwise; every task, terrain, net and seed has its own."""
     name = f"{config.task}-{config.terrain}-{config.architecture}-{config.seed}".lower()
-    return repository_root() / "_build" / "runs" / name.replace("/", "-")
+    return repository_root() / "_build" / "runs" / re.sub("[/:]", "-", name)
 
 
 def train(
