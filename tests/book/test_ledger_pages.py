@@ -174,14 +174,14 @@ def test_the_scoreboard_tells_what_waits_what_flips_and_what_was_mended() -> Non
     judged = [replace(JUDGED, over=split), replace(JUDGED, claim=mended), waiting, same]
     page = ledger.scoreboard_markdown(judged)
     assert (
-        "Judged over roots are 3 claims, 3 of them by an earlier state of the code or the "
-        "committed runs; 1 more wait for their roots.\n"
-        "After the table of claims stand those on which no verdict came out in eight of ten roots "
+        "Judged over draws are 3 claims, 3 of them by an earlier state of the code or the "
+        "committed runs; 1 more wait for their draws.\n"
+        "After the table of claims stand those on which no verdict came out in eight of ten draws "
         "and those that changed ({numref}`tbl-claims-mended`).\n" in page
     )
     _, after = page.split(":name: tbl-claims\n")
     assert (
-        "No verdict came out in eight of ten roots on 1 claim\n- The means are ours "
+        "No verdict came out in eight of ten draws on 1 claim\n- The means are ours "
         "([3.4.1-numbers](#claim-3.4.1-numbers)): refuted in 6, reproduced in 4 of 10.\n" in after
     )
     assert (
@@ -190,7 +190,7 @@ def test_the_scoreboard_tells_what_waits_what_flips_and_what_was_mended() -> Non
     )
     assert "#claim-3.4.1-same" not in page.replace("(claim-3.4.1-same)", "")
     tally = "| [refuted]{.verdict .refuted}: a proof, an exact computation or a significant"
-    assert f"{tally} result says the opposite | 3 | 2 in all roots, 1 waiting |" in page
+    assert f"{tally} result says the opposite | 3 | 2 in all draws, 1 waiting |" in page
 
 
 def test_the_scoreboard_tells_what_one_root_confirmed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -203,9 +203,9 @@ def test_the_scoreboard_tells_what_one_root_confirmed(monkeypatch: pytest.Monkey
         for i, over in enumerate((whole, of_one, of_one, earlier))
     ]
     page = ledger.scoreboard_markdown(judged)
-    assert "Judged over roots are 4 claims, 1 of them by an earlier state" in page
-    assert "\nOf 2 the present state judged one root only, which its code drew:" in page
-    assert "one root only" not in ledger.scoreboard_markdown(judged[:1])
+    assert "Judged over draws are 4 claims, 1 of them by an earlier state" in page
+    assert "\nOf 2 the present state judged one draw only, which its code chose:" in page
+    assert "one draw only" not in ledger.scoreboard_markdown(judged[:1])
 
 
 def test_a_verdict_that_changed_has_a_reason() -> None:

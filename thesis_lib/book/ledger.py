@@ -18,7 +18,7 @@ from thesis_lib.edition.ledger import MEANING, Claim, Difference, Judgement, Ver
 from thesis_lib.edition.scoreboard import effect
 from thesis_lib.edition.words import brief, parted, plain, several, typeset
 
-_CLASSES = ("exact", "in all roots", "in most roots", "in no eight of ten", "waiting")
+_CLASSES = ("exact", "in all draws", "in most draws", "in no eight of ten", "waiting")
 
 _NAMED = re.compile(r"\{([^} ]+)( evidence)?\}")
 """A claim, or its evidence, in an answer of :func:`questions`."""
@@ -37,9 +37,10 @@ _CHAPTERS = {
 
 
 def quoted(judged: Iterable[Judgement]) -> str:
-    """Verdict and evidence of every claim by id, as JSON, for the roles of other pages."""
+    """Words, verdict and evidence of every claim by id, as JSON, for the roles of other pages."""
     verdicts = {
         j.claim.id: {
+            "statement": plain(j.claim.statement),
             "verdict": j.in_words(),
             "evidence": brief(j.finding.evidence),
             "first": first_sentence(j.finding.evidence),
@@ -69,7 +70,7 @@ def by_place(rows: Iterable[Difference]) -> str:
 def scoreboard_markdown(judged: Sequence[Judgement]) -> str:
     """Body of the page *Scoreboard*: tallies, a table of claims, and one of our own, as MyST.
 
-    The verdicts are those over roots where they are committed, except at the smoke budget.
+    The verdicts are those over draws where they are committed, except at the smoke budget.
     """
     earlier = {j.claim.id for j in judged if _by_earlier_code(j)}
     flips, mended = _flips(judged), _mended(judged)
@@ -118,7 +119,7 @@ def _claim(j: Judgement, *, earlier: bool, repeats: str = "") -> list[str]:
     source = [", ".join(f"`{m}`" for m in made) + ("" if usual else f" (budget: {j.budget})")]
     source += [f"ID {claim.id}"] * bool(claim.experiments)
     source += [f"shown in {link(claim.figure)}"] if claim.figure else []
-    source += ["the verdicts over roots are of earlier code or runs"] * earlier
+    source += ["the verdicts over draws are of earlier code or runs"] * earlier
     same = f"That of [the claim {repeats}](#claim-{repeats})."
     head, rest = (same, "") if repeats else parted(j.finding.evidence)
     details: list[str | _Folded] = [
@@ -283,9 +284,9 @@ def _tally(judged: Iterable[Judgement]) -> list[str]:
 def _state(
     judged: Sequence[Judgement], earlier: Set[str], *, flips: bool, mended: bool
 ) -> list[str]:
-    """How many claims were judged over roots, and where those stand that differ or were mended.
+    """How many claims were judged over draws, and where those stand that differ or were mended.
 
-    ``earlier`` are the claims whose verdicts over roots are of earlier code or runs; ``flips`` and
+    ``earlier`` are the claims whose verdicts over draws are of earlier code or runs; ``flips`` and
     ``mended`` say whether there are any.
     """
     drawn = [j for j in judged if j.over and not j.over.exact]
@@ -294,17 +295,17 @@ def _state(
     waiting = sum(_frequency_class(j) == "waiting" for j in judged if not j.claim.rests_on)
     stale = sum(j.claim.id in earlier for j in drawn)
     judged_by = f"{stale} of them by an earlier" if stale else "all of them by the present"
-    more = f"; {waiting} more wait for their roots" if waiting else ""
+    more = f"; {waiting} more wait for their draws" if waiting else ""
     lines = [
-        f"Judged over roots are {len(drawn)} claims, {judged_by} state of the code or the "
+        f"Judged over draws are {len(drawn)} claims, {judged_by} state of the code or the "
         f"committed runs{more}."
     ]
     if on_one := sum(j.claim.id not in earlier and bool(j.over.confirmed) for j in drawn if j.over):
         lines.append(
-            f"Of {on_one} the present state judged one root only, which its code drew: the verdict "
-            "and every number came out as they were, and those of the other roots stand."
+            f"Of {on_one} the present state judged one draw only, which its code chose: the "
+            "verdict and every number came out as they were, and those of the other draws stand."
         )
-    after = ["those on which no verdict came out in eight of ten roots"] * flips
+    after = ["those on which no verdict came out in eight of ten draws"] * flips
     after += ["those that changed ({numref}`tbl-claims-mended`)"] * mended
     if after:
         lines += [f"After the table of claims stand {several(after)}."]
@@ -312,7 +313,7 @@ def _state(
 
 
 def _flips(judged: Iterable[Judgement]) -> list[str]:
-    """The claims on which no verdict came out in eight of ten roots."""
+    """The claims on which no verdict came out in eight of ten draws."""
     flips = [
         f"- {_named(j.claim)}: {j.over.frequency}."
         for j in judged
@@ -321,7 +322,7 @@ def _flips(judged: Iterable[Judgement]) -> list[str]:
     if not flips:
         return []
     claims = f"{len(flips)} claim{'s' * (len(flips) > 1)}"
-    title = f"No verdict came out in eight of ten roots on {claims}"
+    title = f"No verdict came out in eight of ten draws on {claims}"
     return [f":::::{{dropdown}} {title}", *flips, ":::::", ""]
 
 
@@ -346,7 +347,7 @@ def _named(claim: Claim) -> str:
 
 
 def _by_earlier_code(judgement: Judgement) -> bool:
-    """Whether the committed verdicts over roots are of another state of the code or the runs."""
+    """Whether the committed verdicts over draws are of another state of the code or the runs."""
     claim, over = judgement.claim, judgement.over
     return over is not None and over.code != roots.code_of_claim(claim, over.budget)
 
@@ -358,8 +359,8 @@ def _frequency_class(judgement: Judgement) -> str:
     if over.exact:
         return "exact"
     if over.held == over.of:
-        return "in all roots"
-    return "in most roots" if over.held else "in no eight of ten"
+        return "in all draws"
+    return "in most draws" if over.held else "in no eight of ten"
 
 
 def _counts(judgement: Judgement) -> bool:
