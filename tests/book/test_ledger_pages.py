@@ -4,14 +4,18 @@ import doctest
 import json
 import re
 from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from thesis_lib.book import ledger
-from thesis_lib.edition import chapters
+from thesis_lib.book import ledger, roles
+from thesis_lib.edition import chapters, roots
 from thesis_lib.edition.ledger import Claim, Difference, Finding, Judgement, OverRoots, Verdict
 from thesis_lib.edition.words import typeset
 
+ROOT = Path(__file__).resolve().parents[2]
 CLAIM = Claim(
     *("3.4.1-numbers", "Table 3.1", "The means are ours.", ("table-3.1",), "Near.", lambda _: None),
     headline=True,
@@ -105,9 +109,32 @@ def test_a_difference_has_a_row() -> None:
 def test_other_pages_quote_verdict_and_evidence() -> None:
     finding = Finding(Verdict.REFUTED, "3 of 4. And so.")
     told = json.loads(ledger.quoted([replace(JUDGED, finding=finding)]))
+    assert told["3.4.1-numbers"]["statement"] == "The means are ours."
     assert told["3.4.1-numbers"]["verdict"] == "refuted (10 of 10)"
     assert told["3.4.1-numbers"]["evidence"] == "3 of 4. And so."
     assert told["3.4.1-numbers"]["first"] == "3 of 4."
+
+
+@pytest.mark.parametrize("built", [True, False])
+def test_a_page_prints_what_a_claim_says(tmp_path: Path, *, built: bool) -> None:
+    file = tmp_path / roles.LEDGER
+    file.parent.mkdir(parents=True)
+    file.write_text(ledger.quoted([JUDGED] if built else []), encoding="utf-8")
+    env = SimpleNamespace(srcdir=tmp_path, note_dependency=lambda _: None)
+    role = roles.Statement()
+    role.inliner = SimpleNamespace(document=SimpleNamespace(settings=SimpleNamespace(env=env)))
+    role.text = "3.4.1-numbers"
+    (said,), _ = role.run()
+    assert said == ("The means are ours." if built else "Not built.")
+
+
+def test_what_is_new_says_each_claim_beside_its_verdict() -> None:
+    lines = (ROOT / "book" / "new.md").read_text(encoding="utf-8").splitlines()
+    for before, line in pairwise(lines):
+        assert not re.search(r"(claim|implies)\*: \{verdict\}", line), line
+        if verdict := re.fullmatch(r"\*Verdict\*: \{verdict\}`(.+)`\.", line):
+            assert before.endswith(f"*: {{claim}}`{verdict[1]}`"), line
+    assert sum("{claim}" in line for line in lines) >= 12
 
 
 def test_findings_count_the_claims_of_the_thesis() -> None:
@@ -147,12 +174,26 @@ def test_the_questions_name_claims_that_are_there() -> None:
         assert len(quoted) == 1, row["text"]
         assert f"{{{quoted[0]}}}" in row["ours"]  # a number stands beside its verdict
         assert row["thesis"]
+        assert set(row["holds"]) <= set(re.findall(r"\{(\S+)\}", row["ours"]))
+
+
+def test_the_answers_in_a_sentence_are_those_of_the_committed_verdicts() -> None:
+    """Else the page leaves them out: write new ones."""
+    over = roots.read()
+    for row in ledger.questions():
+        assert {claim: over[claim].verdict for claim in row["holds"]} == row["holds"], row["text"]
 
 
 def test_questions_tell_verdicts() -> None:
     row = {"text": "What?", "thesis": "This.", "ours": "It is {3.4.1-numbers}."}
+    row |= {"answer": "No Q_d.", "holds": {"3.4.1-numbers": "refuted"}}
     told = ledger.questions_markdown([row], [JUDGED])
-    assert "It is [refuted (10 of 10)](#claim-3.4.1-numbers)." in told
+    assert (
+        "**This edition.** **No Q<sub>d</sub>.**\n\n"
+        "It is [refuted](#claim-3.4.1-numbers).\n" in told
+    )
+    other = ledger.questions_markdown([row | {"holds": {"3.4.1-numbers": "reproduced"}}], [JUDGED])
+    assert "**This edition.** It is [refuted](#claim-3.4.1-numbers).\n" in other
     assert "1. What?\n\n   [[refuted](#claim-3.4.1-numbers)]{.square .refuted}\n" in told
     assert "[]{.square .refuted} refuted, []{.square} open." in told
     squares = ledger.squares_markdown([row], [JUDGED])

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 from thesis_lib.book.thesis_items import link
 from thesis_lib.edition import roots
@@ -177,19 +178,22 @@ def findings_markdown(judged: Sequence[Judgement]) -> str:
     return "\n".join([*lines, ""])
 
 
-def questions() -> list[dict[str, str]]:
-    """The six research questions: ``text``, ``thesis``, and ``ours``.
+def questions() -> list[dict[str, Any]]:
+    """The six research questions: ``text``, ``thesis``, ``answer``, ``holds`` and ``ours``.
 
-    In ``ours`` a claim's id in braces stands for its verdict, and one that ``evidence`` follows
-    for the first sentence of its evidence.
+    ``answer`` is ours in a sentence, written for the verdicts that ``holds`` has by claim.  In
+    ``ours`` a claim's id in braces stands for its verdict, and one that ``evidence`` follows for
+    the first sentence of its evidence.
     """
     file = resources.files("thesis_lib.chapter6") / "questions.toml"
-    found: list[dict[str, str]] = tomllib.loads(file.read_text(encoding="utf-8"))["question"]
+    found: list[dict[str, Any]] = tomllib.loads(file.read_text(encoding="utf-8"))["question"]
     return found
 
 
-def questions_markdown(rows: Iterable[Mapping[str, str]], judged: Iterable[Judgement]) -> str:
+def questions_markdown(rows: Iterable[Mapping[str, Any]], judged: Iterable[Judgement]) -> str:
     """The research questions, each answered by the thesis and from the ledger, as MyST Markdown.
+
+    An answer in a sentence that was written for other verdicts is left out.
 
     Raises
     ------
@@ -202,17 +206,20 @@ def questions_markdown(rows: Iterable[Mapping[str, str]], judged: Iterable[Judge
         own = _answering(found[1], by_id)
         if found[2]:
             return first_sentence(own.finding.evidence)
-        return f"[{own.in_words()}](#claim-{found[1]})"
+        return f"[{own.verdict}](#claim-{found[1]})"
 
     overview, answers = [], []
     for number, row in enumerate(rows, 1):
         overview += [f"{number}. {row['text']}", "", f"   {_squares(row, by_id)}", ""]
         answers += [f"### {row['text']}", "", f"**The thesis.** {row['thesis']}", ""]
-        answers += [f"**This edition.** {typeset(_NAMED.sub(told, row['ours'].strip()))}", ""]
+        holds = all(_answering(c, by_id).verdict == v for c, v in row["holds"].items())
+        answer = f"**{row['answer']}**\n\n" if holds else ""
+        ours = f"**This edition.** {answer}{_NAMED.sub(told, row['ours'].strip())}"
+        answers += [typeset(ours), ""]
     return "\n".join([*overview, f"{_legend()}.", "", *answers])
 
 
-def squares_markdown(rows: Iterable[Mapping[str, str]], judged: Iterable[Judgement]) -> str:
+def squares_markdown(rows: Iterable[Mapping[str, Any]], judged: Iterable[Judgement]) -> str:
     """The claims that help to answer each research question as squares, a line a question."""
     by_id = {j.claim.id: j for j in judged}
     lines = [f"{number}. {_squares(row, by_id)}" for number, row in enumerate(rows, 1)]
@@ -225,7 +232,7 @@ def _answering(claim: str, by_id: Mapping[str, Judgement]) -> Judgement:
     return by_id[claim]
 
 
-def _squares(row: Mapping[str, str], by_id: Mapping[str, Judgement]) -> str:
+def _squares(row: Mapping[str, Any], by_id: Mapping[str, Judgement]) -> str:
     """The claims of an answer as squares, by verdict."""
     ids = [claim for claim, evidence in _NAMED.findall(row["ours"]) if not evidence]
     named = sorted((_answering(c, by_id) for c in ids), key=lambda j: [*Verdict].index(j.verdict))
