@@ -86,6 +86,21 @@ def test_evidence_that_two_claims_share_stands_with_the_first() -> None:
     assert ledger.scoreboard_markdown(short).count("Off by 3.") == 2
 
 
+def test_a_claim_that_rests_on_others_links_to_them() -> None:
+    whole = replace(CLAIM, id="6.1-whole", rests_on=("3.4.1-a", "3.4.1-b"))
+    page = ledger.scoreboard_markdown([replace(JUDGED, claim=whole)])
+    assert "*Criterion*: That of [3.4.1-a](#claim-3.4.1-a) and [3.4.1-b](#claim-3.4.1-b).\n" in page
+
+
+def test_every_claim_leads_to_a_section_and_its_figure_to_one_that_is_there() -> None:
+    text = "\n".join(file.read_text(encoding="utf-8") for file in ROOT.glob("notebooks/*.ipynb"))
+    places = set(re.findall(r"\((sec-[\w-]+)\)=", text))
+    figures = set(re.findall(r"\b(?:fig|tbl)-[\w-]+", text))
+    for claim in chapters.claims():
+        assert claim.at in places, claim.id
+        assert not claim.figure or claim.figure in figures, claim.id
+
+
 def test_ids_stand_as_they_are_typed() -> None:
     for claim in chapters.claims():
         assert typeset(f"ID {claim.id};") == f"ID {claim.id};"

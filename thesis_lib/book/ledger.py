@@ -127,7 +127,7 @@ def _claim(j: Judgement, *, earlier: bool, repeats: str = "") -> list[str]:
         *([f"*On the tables shown* the verdict is {j.here}."] if j.here else []),
         head,
         *([_Folded("… and the rest", [rest])] if rest else []),
-        f"*Criterion*: {claim.criterion}",
+        f"*Criterion*: {_criterion(claim)}",
         f"*Made by*: {'; '.join(source)}.",
     ]
     return [
@@ -139,6 +139,13 @@ def _claim(j: Judgement, *, earlier: bool, repeats: str = "") -> list[str]:
         f"  - {_where(claim.at, claim.section)}",
         *(f"    [{word}]{{.mark}}" for word in about[1:]),
     ]
+
+
+def _criterion(claim: Claim) -> str:
+    """What must hold, or links to the claims that decide."""
+    if not claim.rests_on:
+        return claim.criterion
+    return f"That of {several(f'[{x}](#claim-{x})' for x in claim.rests_on)}."
 
 
 def differences_markdown(rows: Iterable[Difference], results: Path | str) -> str:
