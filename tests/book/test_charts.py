@@ -6,6 +6,7 @@ from collections import defaultdict
 from typing import Any
 
 import pytest
+import vl_convert
 
 from thesis_lib.book import charts
 from thesis_lib.chapter5.cells import NETS
@@ -32,11 +33,27 @@ def test_the_exponential_goes_through_three_values_of_the_law() -> None:
 def test_every_level_of_the_slider_has_a_curve() -> None:
     (slider,) = charts.threshold().to_dict()["params"][:1]
     ends = slider["bind"]
-    levels = {row["exponent"] for row in rows(charts.threshold())}
+    levels = {row.get("exponent") for row in rows(charts.threshold())}
     wanted = ends["min"]
     while wanted <= ends["max"]:
         assert wanted in levels
         wanted += ends["step"]
+
+
+def test_the_threshold_is_drawn_beside_what_an_f_ratio_can_be() -> None:
+    marks = {row["of"]: row["F"] for row in rows(charts.threshold()) if "of" in row}
+    assert marks == {"an irrelevant feature": 1, "no feature is below 0": 0}
+
+
+def test_the_limit_of_the_law_is_at_most_its_first_value() -> None:
+    spec = charts.drawn(charts.law(), 100, 100)
+    for parameter in spec["params"]:
+        if parameter["name"] == "limit":
+            parameter["value"] = 10  # the first is 8: the curve must not rise to it
+    drawn = vl_convert.vegalite_to_svg(spec)
+    values = [float(v) for v in re.findall(r"k-relevance: ([\d.]+)", drawn)]
+    assert values
+    assert max(values) == min(values) == 8
 
 
 @pytest.mark.parametrize(("epsilon", "arrives"), [(0.01, True), (0.09, False)])

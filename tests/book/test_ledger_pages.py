@@ -4,14 +4,18 @@ import doctest
 import json
 import re
 from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from thesis_lib.book import ledger
-from thesis_lib.edition import chapters
+from thesis_lib.book import ledger, roles
+from thesis_lib.edition import chapters, roots
 from thesis_lib.edition.ledger import Claim, Difference, Finding, Judgement, OverRoots, Verdict
 from thesis_lib.edition.words import typeset
 
+ROOT = Path(__file__).resolve().parents[2]
 CLAIM = Claim(
     *("3.4.1-numbers", "Table 3.1", "The means are ours.", ("table-3.1",), "Near.", lambda _: None),
     headline=True,
@@ -106,6 +110,21 @@ def test_evidence_that_two_claims_share_stands_with_the_first() -> None:
     assert ledger.scoreboard_markdown(short).count("Off by 3.") == 2
 
 
+def test_a_claim_that_rests_on_others_links_to_them() -> None:
+    whole = replace(CLAIM, id="6.1-whole", rests_on=("3.4.1-a", "3.4.1-b"))
+    page = ledger.scoreboard_markdown([replace(JUDGED, claim=whole)])
+    assert "*Criterion*: That of [3.4.1-a](#claim-3.4.1-a) and [3.4.1-b](#claim-3.4.1-b).\n" in page
+
+
+def test_every_claim_leads_to_a_section_and_its_figure_to_one_that_is_there() -> None:
+    text = "\n".join(file.read_text(encoding="utf-8") for file in ROOT.glob("notebooks/*.ipynb"))
+    places = set(re.findall(r"\((sec-[\w-]+)\)=", text))
+    figures = set(re.findall(r"\b(?:fig|tbl)-[\w-]+", text))
+    for claim in chapters.claims():
+        assert claim.at in places, claim.id
+        assert not claim.figure or claim.figure in figures, claim.id
+
+
 def test_ids_stand_as_they_are_typed() -> None:
     for claim in chapters.claims():
         assert typeset(f"ID {claim.id};") == f"ID {claim.id};"
@@ -129,9 +148,32 @@ def test_a_difference_has_a_row() -> None:
 def test_other_pages_quote_verdict_and_evidence() -> None:
     finding = Finding(Verdict.REFUTED, "3 of 4. And so.")
     told = json.loads(ledger.quoted([replace(JUDGED, finding=finding)]))
+    assert told["3.4.1-numbers"]["statement"] == "The means are ours."
     assert told["3.4.1-numbers"]["verdict"] == "refuted (10 of 10)"
     assert told["3.4.1-numbers"]["evidence"] == "3 of 4. And so."
     assert told["3.4.1-numbers"]["first"] == "3 of 4."
+
+
+@pytest.mark.parametrize("built", [True, False])
+def test_a_page_prints_what_a_claim_says(tmp_path: Path, *, built: bool) -> None:
+    file = tmp_path / roles.LEDGER
+    file.parent.mkdir(parents=True)
+    file.write_text(ledger.quoted([JUDGED] if built else []), encoding="utf-8")
+    env = SimpleNamespace(srcdir=tmp_path, note_dependency=lambda _: None)
+    role = roles.Statement()
+    role.inliner = SimpleNamespace(document=SimpleNamespace(settings=SimpleNamespace(env=env)))
+    role.text = "3.4.1-numbers"
+    (said,), _ = role.run()
+    assert said == ("The means are ours." if built else "Not built.")
+
+
+def test_what_is_new_says_each_claim_beside_its_verdict() -> None:
+    lines = (ROOT / "book" / "new.md").read_text(encoding="utf-8").splitlines()
+    for before, line in pairwise(lines):
+        assert not re.search(r"(claim|implies)\*: \{verdict\}", line), line
+        if verdict := re.fullmatch(r"\*Verdict\*: \{verdict\}`(.+)`\.", line):
+            assert before.endswith(f"*: {{claim}}`{verdict[1]}`"), line
+    assert sum("{claim}" in line for line in lines) >= 12
 
 
 def test_findings_count_the_claims_of_the_thesis() -> None:
@@ -171,12 +213,26 @@ def test_the_questions_name_claims_that_are_there() -> None:
         assert len(quoted) == 1, row["text"]
         assert f"{{{quoted[0]}}}" in row["ours"]  # a number stands beside its verdict
         assert row["thesis"]
+        assert set(row["holds"]) <= set(re.findall(r"\{(\S+)\}", row["ours"]))
+
+
+def test_the_answers_in_a_sentence_are_those_of_the_committed_verdicts() -> None:
+    """Else the page leaves them out: write new ones."""
+    over = roots.read()
+    for row in ledger.questions():
+        assert {claim: over[claim].verdict for claim in row["holds"]} == row["holds"], row["text"]
 
 
 def test_questions_tell_verdicts() -> None:
     row = {"text": "What?", "thesis": "This.", "ours": "It is {3.4.1-numbers}."}
+    row |= {"answer": "No Q_d.", "holds": {"3.4.1-numbers": "refuted"}}
     told = ledger.questions_markdown([row], [JUDGED])
-    assert "It is [refuted (10 of 10)](#claim-3.4.1-numbers)." in told
+    assert (
+        "**This edition.** **No Q<sub>d</sub>.**\n\n"
+        "It is [refuted](#claim-3.4.1-numbers).\n" in told
+    )
+    other = ledger.questions_markdown([row | {"holds": {"3.4.1-numbers": "reproduced"}}], [JUDGED])
+    assert "**This edition.** It is [refuted](#claim-3.4.1-numbers).\n" in other
     assert "1. What?\n\n   [[refuted](#claim-3.4.1-numbers)]{.square .refuted}\n" in told
     assert "[]{.square .refuted} refuted, []{.square} open." in told
     squares = ledger.squares_markdown([row], [JUDGED])
@@ -198,14 +254,14 @@ def test_the_scoreboard_tells_what_waits_what_flips_and_what_was_mended() -> Non
     judged = [replace(JUDGED, over=split), replace(JUDGED, claim=mended), waiting, same]
     page = ledger.scoreboard_markdown(judged)
     assert (
-        "Judged over roots are 3 claims, 3 of them by an earlier state of the code or the "
-        "committed runs; 1 more wait for their roots.\n"
-        "After the table of claims stand those on which no verdict came out in eight of ten roots "
+        "Judged over draws are 3 claims, 3 of them by an earlier state of the code or the "
+        "committed runs; 1 more wait for their draws.\n"
+        "After the table of claims stand those on which no verdict came out in eight of ten draws "
         "and those that changed ({numref}`tbl-claims-mended`).\n" in page
     )
     _, after = page.split(":name: tbl-claims\n")
     assert (
-        "No verdict came out in eight of ten roots on 1 claim\n- The means are ours "
+        "No verdict came out in eight of ten draws on 1 claim\n- The means are ours "
         "([3.4.1-numbers](#claim-3.4.1-numbers)): refuted in 6, reproduced in 4 of 10.\n" in after
     )
     assert (
@@ -214,7 +270,7 @@ def test_the_scoreboard_tells_what_waits_what_flips_and_what_was_mended() -> Non
     )
     assert "#claim-3.4.1-same" not in page.replace("(claim-3.4.1-same)", "")
     tally = "| [refuted]{.verdict .refuted}: a proof, an exact computation or a significant"
-    assert f"{tally} result says the opposite | 3 | 2 in all roots, 1 waiting |" in page
+    assert f"{tally} result says the opposite | 3 | 2 in all draws, 1 waiting |" in page
 
 
 def test_the_scoreboard_tells_what_one_root_confirmed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -227,9 +283,9 @@ def test_the_scoreboard_tells_what_one_root_confirmed(monkeypatch: pytest.Monkey
         for i, over in enumerate((whole, of_one, of_one, earlier))
     ]
     page = ledger.scoreboard_markdown(judged)
-    assert "Judged over roots are 4 claims, 1 of them by an earlier state" in page
-    assert "\nOf 2 the present state judged one root only, which its code drew:" in page
-    assert "one root only" not in ledger.scoreboard_markdown(judged[:1])
+    assert "Judged over draws are 4 claims, 1 of them by an earlier state" in page
+    assert "\nOf 2 the present state judged one draw only, which its code chose:" in page
+    assert "one draw only" not in ledger.scoreboard_markdown(judged[:1])
 
 
 def test_a_verdict_that_changed_has_a_reason() -> None:

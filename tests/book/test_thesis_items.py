@@ -100,7 +100,7 @@ def test_map_tells_run_and_verdict() -> None:
     assert "## Equations" in page
     assert (
         "| equation\u00a03.2 | sweeps | {eq}`eq-ch3-bound`, [](#sec-theorem-1) "
-        "| re-run at the printed budget, `thesis run theorem-1`; claim reproduced |"
+        "| run here, `thesis run theorem-1`; claim reproduced |"
     ) in page
 
 

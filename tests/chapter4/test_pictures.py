@@ -74,6 +74,19 @@ def test_the_thesis_s_figures_at_its_size(name):
     assert numbers(fig) >= 8
 
 
+def test_no_selection_can_be_told_apart_on_the_cliff():
+    table = pd.read_csv(DEEP / "figure-4.4.csv")
+    returns = figure_4_4.figure(table).axes[0]
+    at = table[table.tasks_seen == 5].set_index("method").mean_return / 1000
+    low, high = returns.get_ylim()
+    assert (at["fs-tek"] - at["none"]) / (high - low) > 0.1  # it was .01
+    shown = {line.get_label() for line in returns.lines}
+    assert shown == {"FS-TEK", "IBKR", "jackknife F", "no selection"}
+    for line in returns.lines:
+        assert low < min(line.get_ydata()[2:])
+        assert max(line.get_ydata()) < high
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_selectors_that_predict(seed):
     methods = ("none", *predictors.METHODS[1:])

@@ -247,6 +247,14 @@ def test_a_claim_that_rests_on_others(verdicts, expected):
     assert whole.judge({}).verdict is expected
 
 
+def test_a_claim_that_rests_on_others_is_tested_where_the_first_is():
+    first = replace(CLAIM, at="sec-toy", figure="fig-toy")
+    assert CLAIM.resting_on([first]).at == CLAIM.resting_on([first, CLAIM]).at == "sec-toy"
+    assert CLAIM.resting_on([first]).figure == "fig-toy"
+    assert CLAIM.resting_on([first, CLAIM]).figure == ""  # one figure does not show both
+    assert replace(CLAIM, at="sec-own").resting_on([first]).at == "sec-own"
+
+
 def test_a_claim_cannot_rest_on_what_is_not_there(monkeypatch):
     monkeypatch.setattr(chapters, "CHAPTERS", ("one",))
     lost = replace(CLAIM, rests_on=("9.9",))

@@ -48,7 +48,8 @@ def _slider(name: str, value: float, words: str, **ends: Any) -> alt.Parameter:
 def law() -> alt.Chart:
     r"""k-relevance by its law, and the exponential that FS-TEK fits to its first n values."""
     first = _slider("first", 8, "relevance in one task, ρ₁ ", min=0, max=10, step=0.5)
-    limit = _slider("limit", 2, "domain relevance, ρ∞ ", min=0, max=10, step=0.5)
+    # By the law the curve never rises, so that a larger limit counts as the first value.
+    limit = _slider("limit", 2, "domain relevance, ρ∞, at most ρ₁ ", min=0, max=10, step=0.5)
     seen = _slider("seen", 4, "tasks seen, n ", min=3, max=10, step=1)
     ks = np.arange(1, 41)
     curves: dict[int | None, tuple[str, Any]] = {None: ("the law", 1 / ks)}
@@ -63,7 +64,8 @@ def law() -> alt.Chart:
     base = (
         alt.Chart(pd.DataFrame(rows))
         .transform_filter("datum.n == seen || !isValid(datum.n)")
-        .transform_calculate(value="limit + (first - limit) * datum.share")
+        .transform_calculate(least="min(limit, first)")
+        .transform_calculate(value="datum.least + (first - datum.least) * datum.share")
         .encode(
             x=alt.X("k:Q", title="length of the sequence, k"),
             y=alt.Y("value:Q", title="k-relevance", scale=alt.Scale(zero=False)),
@@ -90,17 +92,23 @@ def threshold() -> alt.Chart:
         {"n": n, "exponent": None, "rule": "jackknife F at 5%", "F": round(f_threshold(n, 0.05), 3)}
         for n in seen
     ]
-    return (
+    y = alt.Y(
+        "F:Q",
+        title="largest F-ratio removed",
+        scale=alt.Scale(type="symlog", constant=2, nice=False),
+        axis=alt.Axis(values=[-1, 0, 1, 2, 5, 10, 20, 50, 100, 200, 500]),
+    )
+    lines = (
         alt.Chart(pd.DataFrame(rows))
         .transform_filter("datum.exponent == level || !isValid(datum.exponent)")
         .mark_line(point=True)
-        .encode(
-            x=alt.X("n:Q", title="tasks seen, n"),
-            y=alt.Y("F:Q", title="F-ratio up to which a feature goes"),
-            color=alt.Color("rule:N", title=None),
-        )
-        .add_params(level)
+        .encode(x=alt.X("n:Q", title="tasks seen, n"), y=y, color=alt.Color("rule:N", title=None))
     )
+    # An F-ratio is no less than 0, and that of a feature without relevance is about 1.
+    known = [(1, "an irrelevant feature"), (0, "no feature is below 0")]
+    marks = alt.Chart(pd.DataFrame(known, columns=["F", "of"]).assign(n=max(seen))).encode(y=y)
+    words = marks.mark_text(align="right", dy=-6, color="#666666").encode(x="n:Q", text="of:N")
+    return (marks.mark_rule(color="#999999") + words + lines).add_params(level)
 
 
 def huddle() -> alt.Chart:

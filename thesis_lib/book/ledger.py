@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 from thesis_lib.book.thesis_items import link
 from thesis_lib.edition import roots
@@ -18,7 +19,7 @@ from thesis_lib.edition.ledger import MEANING, Claim, Difference, Judgement, Ver
 from thesis_lib.edition.scoreboard import effect
 from thesis_lib.edition.words import brief, parted, plain, several, typeset
 
-_CLASSES = ("exact", "in all roots", "in most roots", "in no eight of ten", "waiting")
+_CLASSES = ("exact", "in all draws", "in most draws", "in no eight of ten", "waiting")
 
 _NAMED = re.compile(r"\{([^} ]+)( evidence)?\}")
 """A claim, or its evidence, in an answer of :func:`questions`."""
@@ -37,9 +38,10 @@ _CHAPTERS = {
 
 
 def quoted(judged: Iterable[Judgement]) -> str:
-    """Verdict and evidence of every claim by id, as JSON, for the roles of other pages."""
+    """Words, verdict and evidence of every claim by id, as JSON, for the roles of other pages."""
     verdicts = {
         j.claim.id: {
+            "statement": plain(j.claim.statement),
             "verdict": j.in_words(),
             "evidence": brief(j.finding.evidence),
             "first": first_sentence(j.finding.evidence),
@@ -69,7 +71,7 @@ def by_place(rows: Iterable[Difference]) -> str:
 def scoreboard_markdown(judged: Sequence[Judgement]) -> str:
     """Body of the page *Scoreboard*: tallies, a table of claims, and one of our own, as MyST.
 
-    The verdicts are those over roots where they are committed, except at the smoke budget.
+    The verdicts are those over draws where they are committed, except at the smoke budget.
     """
     earlier = {j.claim.id for j in judged if _by_earlier_code(j)}
     flips, mended = _flips(judged), _mended(judged)
@@ -117,14 +119,14 @@ def _claim(j: Judgement, *, earlier: bool, repeats: str = "") -> list[str]:
     source += [f"shown is `thesis run {e} --budget thesis`" for e in claim.experiments if e in deep]
     source[-1] += "" if usual else f" (budget: {j.budget})"
     source += [f"shown in {link(claim.figure)}"] if claim.figure else []
-    source += ["the verdicts over roots are of earlier code or runs"] * earlier
+    source += ["the verdicts over draws are of earlier code or runs"] * earlier
     same = f"That of [the claim {repeats}](#claim-{repeats})."
     head, rest = (same, "") if repeats else parted(j.finding.evidence)
     details: list[str | _Folded] = [
         *([f"*On the tables shown* the verdict is {j.here}."] if j.here else []),
         head,
         *([_Folded("… and the rest", [rest])] if rest else []),
-        f"*Criterion*: {claim.criterion}",
+        f"*Criterion*: {_criterion(claim)}",
         f"*Made by*: {'; '.join(source)}.",
     ]
     return [
@@ -136,6 +138,13 @@ def _claim(j: Judgement, *, earlier: bool, repeats: str = "") -> list[str]:
         f"  - {_where(claim.at, claim.section)}",
         *(f"    [{word}]{{.mark}}" for word in about[1:]),
     ]
+
+
+def _criterion(claim: Claim) -> str:
+    """What must hold, or links to the claims that decide."""
+    if not claim.rests_on:
+        return claim.criterion
+    return f"That of {several(f'[{x}](#claim-{x})' for x in claim.rests_on)}."
 
 
 def differences_markdown(rows: Iterable[Difference], results: Path | str) -> str:
@@ -176,19 +185,22 @@ def findings_markdown(judged: Sequence[Judgement]) -> str:
     return "\n".join([*lines, ""])
 
 
-def questions() -> list[dict[str, str]]:
-    """The six research questions: ``text``, ``thesis``, and ``ours``.
+def questions() -> list[dict[str, Any]]:
+    """The six research questions: ``text``, ``thesis``, ``answer``, ``holds`` and ``ours``.
 
-    In ``ours`` a claim's id in braces stands for its verdict, and one that ``evidence`` follows
-    for the first sentence of its evidence.
+    ``answer`` is ours in a sentence, written for the verdicts that ``holds`` has by claim.  In
+    ``ours`` a claim's id in braces stands for its verdict, and one that ``evidence`` follows for
+    the first sentence of its evidence.
     """
     file = resources.files("thesis_lib.chapter6") / "questions.toml"
-    found: list[dict[str, str]] = tomllib.loads(file.read_text(encoding="utf-8"))["question"]
+    found: list[dict[str, Any]] = tomllib.loads(file.read_text(encoding="utf-8"))["question"]
     return found
 
 
-def questions_markdown(rows: Iterable[Mapping[str, str]], judged: Iterable[Judgement]) -> str:
+def questions_markdown(rows: Iterable[Mapping[str, Any]], judged: Iterable[Judgement]) -> str:
     """The research questions, each answered by the thesis and from the ledger, as MyST Markdown.
+
+    An answer in a sentence that was written for other verdicts is left out.
 
     Raises
     ------
@@ -201,17 +213,20 @@ def questions_markdown(rows: Iterable[Mapping[str, str]], judged: Iterable[Judge
         own = _answering(found[1], by_id)
         if found[2]:
             return first_sentence(own.finding.evidence)
-        return f"[{own.in_words()}](#claim-{found[1]})"
+        return f"[{own.verdict}](#claim-{found[1]})"
 
     overview, answers = [], []
     for number, row in enumerate(rows, 1):
         overview += [f"{number}. {row['text']}", "", f"   {_squares(row, by_id)}", ""]
         answers += [f"### {row['text']}", "", f"**The thesis.** {row['thesis']}", ""]
-        answers += [f"**This edition.** {typeset(_NAMED.sub(told, row['ours'].strip()))}", ""]
+        holds = all(_answering(c, by_id).verdict == v for c, v in row["holds"].items())
+        answer = f"**{row['answer']}**\n\n" if holds else ""
+        ours = f"**This edition.** {answer}{_NAMED.sub(told, row['ours'].strip())}"
+        answers += [typeset(ours), ""]
     return "\n".join([*overview, f"{_legend()}.", "", *answers])
 
 
-def squares_markdown(rows: Iterable[Mapping[str, str]], judged: Iterable[Judgement]) -> str:
+def squares_markdown(rows: Iterable[Mapping[str, Any]], judged: Iterable[Judgement]) -> str:
     """The claims that help to answer each research question as squares, a line a question."""
     by_id = {j.claim.id: j for j in judged}
     lines = [f"{number}. {_squares(row, by_id)}" for number, row in enumerate(rows, 1)]
@@ -224,7 +239,7 @@ def _answering(claim: str, by_id: Mapping[str, Judgement]) -> Judgement:
     return by_id[claim]
 
 
-def _squares(row: Mapping[str, str], by_id: Mapping[str, Judgement]) -> str:
+def _squares(row: Mapping[str, Any], by_id: Mapping[str, Judgement]) -> str:
     """The claims of an answer as squares, by verdict."""
     ids = [claim for claim, evidence in _NAMED.findall(row["ours"]) if not evidence]
     named = sorted((_answering(c, by_id) for c in ids), key=lambda j: [*Verdict].index(j.verdict))
@@ -285,9 +300,9 @@ def _tally(judged: Iterable[Judgement]) -> list[str]:
 def _state(
     judged: Sequence[Judgement], earlier: Set[str], *, flips: bool, mended: bool
 ) -> list[str]:
-    """How many claims were judged over roots, and where those stand that differ or were mended.
+    """How many claims were judged over draws, and where those stand that differ or were mended.
 
-    ``earlier`` are the claims whose verdicts over roots are of earlier code or runs; ``flips`` and
+    ``earlier`` are the claims whose verdicts over draws are of earlier code or runs; ``flips`` and
     ``mended`` say whether there are any.
     """
     drawn = [j for j in judged if j.over and not j.over.exact]
@@ -296,17 +311,17 @@ def _state(
     waiting = sum(_frequency_class(j) == "waiting" for j in judged if not j.claim.rests_on)
     stale = sum(j.claim.id in earlier for j in drawn)
     judged_by = f"{stale} of them by an earlier" if stale else "all of them by the present"
-    more = f"; {waiting} more wait for their roots" if waiting else ""
+    more = f"; {waiting} more wait for their draws" if waiting else ""
     lines = [
-        f"Judged over roots are {len(drawn)} claims, {judged_by} state of the code or the "
+        f"Judged over draws are {len(drawn)} claims, {judged_by} state of the code or the "
         f"committed runs{more}."
     ]
     if on_one := sum(j.claim.id not in earlier and bool(j.over.confirmed) for j in drawn if j.over):
         lines.append(
-            f"Of {on_one} the present state judged one root only, which its code drew: the verdict "
-            "and every number came out as they were, and those of the other roots stand."
+            f"Of {on_one} the present state judged one draw only, which its code chose: the "
+            "verdict and every number came out as they were, and those of the other draws stand."
         )
-    after = ["those on which no verdict came out in eight of ten roots"] * flips
+    after = ["those on which no verdict came out in eight of ten draws"] * flips
     after += ["those that changed ({numref}`tbl-claims-mended`)"] * mended
     if after:
         lines += [f"After the table of claims stand {several(after)}."]
@@ -314,7 +329,7 @@ def _state(
 
 
 def _flips(judged: Iterable[Judgement]) -> list[str]:
-    """The claims on which no verdict came out in eight of ten roots."""
+    """The claims on which no verdict came out in eight of ten draws."""
     flips = [
         f"- {_named(j.claim)}: {j.over.frequency}."
         for j in judged
@@ -323,7 +338,7 @@ def _flips(judged: Iterable[Judgement]) -> list[str]:
     if not flips:
         return []
     claims = f"{len(flips)} claim{'s' * (len(flips) > 1)}"
-    title = f"No verdict came out in eight of ten roots on {claims}"
+    title = f"No verdict came out in eight of ten draws on {claims}"
     return [f":::::{{dropdown}} {title}", *flips, ":::::", ""]
 
 
@@ -348,7 +363,7 @@ def _named(claim: Claim) -> str:
 
 
 def _by_earlier_code(judgement: Judgement) -> bool:
-    """Whether the committed verdicts over roots are of another state of the code or the runs."""
+    """Whether the committed verdicts over draws are of another state of the code or the runs."""
     claim, over = judgement.claim, judgement.over
     return over is not None and over.code != roots.code_of_claim(claim, over.budget)
 
@@ -383,8 +398,8 @@ def _frequency_class(judgement: Judgement) -> str:
     if over.exact:
         return "exact"
     if over.held == over.of:
-        return "in all roots"
-    return "in most roots" if over.held else "in no eight of ten"
+        return "in all draws"
+    return "in most draws" if over.held else "in no eight of ten"
 
 
 def _counts(judgement: Judgement) -> bool:

@@ -1,8 +1,9 @@
 """A Sphinx extension by which pages quote the ledger: no verdict or number is typed.
 
-``{verdict}`3.4.1-numbers``` prints the verdict on a claim, with a link to its row of the
-Scoreboard, and ``{evidence}`3.4.1-numbers``` the sentences that support it, or the first of them
-if the id is followed by ``first``.  An id that does not exist fails the build.
+``{claim}`3.4.1-numbers``` prints what a claim says, ``{verdict}`3.4.1-numbers``` the verdict on it,
+with a link to its row of the Scoreboard, and ``{evidence}`3.4.1-numbers``` the sentences that
+support it, or the first of them if the id is followed by ``first``.  An id that does not exist
+fails the build.
 
 A section that differences from the thesis concern ends with links to their rows.
 """
@@ -25,14 +26,15 @@ class _Quote(SphinxRole):
     """Looks a claim up."""
 
     def claim(self) -> dict[str, str]:
-        """Verdict and evidence; the checkout's own pages have neither before they are built."""
+        """Words, verdict and evidence; the checkout's own pages have none before they are built."""
         file = Path(self.env.srcdir, LEDGER)
         self.env.note_dependency(str(file))
         ledger = json.loads(file.read_text(encoding="utf-8"))
         if ledger and self.text not in ledger:
             message = f"the ledger has no claim {self.text!r}"
             self.inliner.reporter.warning(message, line=self.lineno)
-        missing = {"verdict": "not built", "evidence": "Not built.", "first": "Not built."}
+        missing = {"verdict": "not built"}
+        missing |= dict.fromkeys(("statement", "evidence", "first"), "Not built.")
         return dict(ledger.get(self.text, missing))
 
 
@@ -48,6 +50,14 @@ def _link(target: str, words: str, docname: str) -> nodes.Node:
         refwarn=True,
         refdoc=docname,
     )
+
+
+class Statement(_Quote):
+    """What a claim says."""
+
+    def run(self) -> tuple[list[nodes.Node], list[nodes.system_message]]:
+        """Make the text."""
+        return [nodes.Text(self.claim()["statement"])], []
 
 
 class Verdict(_Quote):
@@ -88,6 +98,7 @@ def _tell_differences(app: Any, doctree: nodes.document) -> None:
 
 def setup(app: Any) -> dict[str, bool]:
     """Register with Sphinx."""
+    app.add_role("claim", Statement())
     app.add_role("verdict", Verdict())
     app.add_role("evidence", Evidence())
     app.connect("doctree-read", _tell_differences)

@@ -97,7 +97,7 @@ def items_markdown(items: Iterable[Item], judged: Iterable[Judgement]) -> str:
         for item in group:
             state = [item.state]
             if item.experiment:
-                state.append(_run(known[item.experiment]))
+                state.append(_run(known[item.experiment], item.kind))
             if item.claim:
                 state.append(f"claim {verdicts[item.claim]}")
             lines.append(
@@ -118,8 +118,10 @@ def link(label: str) -> str:
     return f"[](#{label})" if kind in ("sec", "ch") else f"{{prf:ref}}`{label}`"
 
 
-def _run(experiment: Experiment) -> str:
-    """How an experiment is run for the shipped book, with the command."""
+def _run(experiment: Experiment, kind: str) -> str:
+    """How an item's experiment is run for the shipped book, with the command."""
+    if kind not in ("table", "figure"):  # the thesis printed no budget, and mostly ran nothing
+        return f"run here, `thesis run {experiment.id}`"
     _, files = reached([place(experiment)])
     if any(file.is_relative_to(ROOT / "results") for file in files):
         made = "re-run in part, from committed runs"

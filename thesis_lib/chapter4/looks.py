@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -116,7 +116,11 @@ def _number(
 
 
 def selection(
-    table: pd.DataFrame, *, unit: float = 1.0, printed: tuple[float, float] | None = None
+    table: pd.DataFrame,
+    *,
+    unit: float = 1.0,
+    printed: tuple[float, float] | None = None,
+    left_out: Sequence[str] = (),
 ) -> Figure:
     """A figure as 4.3 to 4.5: returns on the left, ROC space on the right.
 
@@ -128,9 +132,18 @@ def selection(
         What the returns are divided by.
     printed
         Rates that the thesis prints for five tasks.
+    left_out
+        Methods whose returns are not shown, as they are far below the others'; the axis is then
+        that of the others from three tasks on.
     """
     fig, axes = plt.subplots(1, 2, figsize=(7.2, 3.8))
-    returns(axes[0], table, unit)
+    shown = table[~table.method.isin(left_out)]
+    returns(axes[0], shown, unit)
+    if left_out:
+        later = shown[shown.tasks_seen >= 3]
+        low, high = (later.mean_return + sign * later.ci95 for sign in (-1, 1))
+        pad = 0.05 * (high.max() - low.min())
+        axes[0].set_ylim((low.min() - pad) / unit, (high.max() + pad) / unit)
     axes[0].set_ylabel("mean return" + (f" / {unit:g}" if unit != 1 else ""))
     roc(axes[1], table, printed=printed)
     handles, labels = axes[0].get_legend_handles_labels()

@@ -156,9 +156,9 @@ class Claim:
             raise ValueError(f"claim {self.id!r} must have both a `was` and a `because`, or none.")
 
     def resting_on(self, parts: Sequence[Claim]) -> Claim:
-        """The claim judged by those it rests on, given in order.
+        """The claim judged by those it rests on, given in order, and tested where the first is.
 
-        One passes its finding on; of several the claim is as good as the weakest.
+        One passes its finding on, and its figure; of several the claim is as good as the weakest.
         """
         experiments = tuple(dict.fromkeys(e for part in parts for e in part.experiments))
 
@@ -174,7 +174,14 @@ class Claim:
             return Finding(weakest, f"{each}.")
 
         criteria = tuple(c for part in parts for c in part.criteria)
-        return replace(self, experiments=experiments, judge=judge, criteria=criteria)
+        return replace(
+            self,
+            experiments=experiments,
+            judge=judge,
+            criteria=criteria,
+            at=self.at or parts[0].at,
+            figure=self.figure or (parts[0].figure if len(parts) == 1 else ""),
+        )
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,7 @@ class Estimate:
 
     @property
     def f_ratio(self) -> float:
-        r"""Between- over within-task variance, :math:`F = n V_n / \hat c`.
+        r"""Mean effect, squared, over its variance between tasks, :math:`F = n V_n / \hat c`.
 
         With residuals :math:`Z_i` of the tasks, mean :math:`\bar Z` and covariance matrix
         S, :math:`V_n = |\bar Z|^2` and :math:`\hat c = \mathrm{tr}\,S`; F has expectation

@@ -13,8 +13,8 @@ by p.  With :math:`Z_i = P Q_{s_i}`, mean :math:`\bar Z` and covariance matrix S
           F = \frac{n V_n}{\mathrm{tr}\, S} = \frac{V_n}{(n-1)(\bar V_{n-1} - V_n)}.
 
 The limit of the increment is :math:`|\mathrm{E} Z|^2`, so irrelevance says E Z = 0, and
-then :math:`\mathrm{E}\, n V_n = \mathrm{E}\, \mathrm{tr}\, S`: F is the ratio of between-
-to within-task variance, near 1 under irrelevance and near
+then :math:`\mathrm{E}\, n V_n = \mathrm{E}\, \mathrm{tr}\, S`: F is n times the mean, squared, over
+the variance between tasks, near 1 under irrelevance and near
 :math:`1 + n |\mathrm{E} Z|^2 / \mathrm{tr}\, S` otherwise.
 
 *Different p(x|m).*  :math:`V_n` is a smooth function of means over tasks; under
