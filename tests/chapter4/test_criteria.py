@@ -474,7 +474,9 @@ CASES = {
         (cliffs(), UNSURE),
     ],
     "4.3-cliff-gain": [
-        (cliff(), YES), (cliff(gain=0.6), UNSURE), (cliff(gain=-1.0), NO),
+        # Of two numbers of tasks an interval is norm.isf(.0125) / norm.isf(.025) = 1.144 times as
+        # wide: .572.
+        (cliff(), YES), (cliff(gain=0.58), YES), (cliff(gain=0.56), UNSURE), (cliff(gain=-1.0), NO),
     ],
     "4.3-cliff-turns": [
         (cliffs(), YES),
@@ -493,7 +495,13 @@ CASES = {
         (cliffs(tilde=cliff()), Verdict.REFUTED),
         (cliffs(), UNSURE),  # a margin of 5% is .1 here, of means that are ± .47
     ],
-    "4.3-cliff-tilde-gains": [(cliffs(), YES), (cliffs(tilde=cliff(gain=0.5)), NO)],
+    # Half-widths of .5 add up: the gain with Q* is 1, that with Q~ has to be above 2.
+    "4.3-cliff-tilde-gains": [
+        (cliffs(tilde=cliff(gain=gain)), verdict)
+        for gain, verdict in (
+            (2.1, YES), (1.9, NEARLY), (0.5, UNSURE), (0.1, UNSURE), (-0.1, WRONG),
+        )
+    ],
     "4.3-cliff-long-run": [
         (cliffs(), YES), (cliffs(tilde=cliff()), UNSURE),
         (cliffs(tilde=cliff((-5.0, -4.0, -3.0, -40.0))), WRONG),
@@ -552,14 +560,14 @@ CASES = {
         # Refuted by neither reading alone, and reproduced by the one used only.
         (dialled(fpr=0.12, other=0.02), NO), (dialled(other=0.12), YES),
     ],
-    # Of five numbers above six a difference of gains is ± .707 norm.isf(.005) / norm.isf(.025),
-    # .929.
+    # Of five numbers above six a difference of gains is ± (.5 + .5) norm.isf(.005) /
+    # norm.isf(.025), 1.314.
     "4.3.1-few-tasks": [
         ({"figure-4.4": cliff(late=late), "figure-4.5": cliff(late=late),
           "figure-4.3": on_triangle(late=late), "figure-4.6": on_stock(n=n, peak=peak)}, verdict)
         for n, late, peak, verdict in (
-            (4, -1.0, 3.0, YES), (4, 0.5, 3.0, NEARLY), (12, -1.0, 0.95, WRONG),
-            (12, -1.0, 0.9, UNSURE),
+            (4, -1.0, 3.0, YES), (4, 0.5, 3.0, NEARLY), (12, -1.0, 1.35, WRONG),
+            (12, -1.0, 1.3, UNSURE),
         )
     ],
     # Of two domains an upper end is (high / factor)^.144 times as far: .933 and 1.017.

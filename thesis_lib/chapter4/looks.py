@@ -116,7 +116,11 @@ def _number(
 
 
 def selection(
-    table: pd.DataFrame, *, unit: float = 1.0, printed: tuple[float, float] | None = None
+    table: pd.DataFrame,
+    *,
+    unit: float = 1.0,
+    printed: tuple[float, float] | None = None,
+    left_out: tuple[str, ...] = (),
 ) -> Figure:
     """A figure as 4.3 to 4.5: returns on the left, ROC space on the right.
 
@@ -128,9 +132,18 @@ def selection(
         What the returns are divided by.
     printed
         Rates that the thesis prints for five tasks.
+    left_out
+        Methods far below the others, which without them can be told apart; the left axis then
+        holds the bands from three tasks on.
     """
     fig, axes = plt.subplots(1, 2, figsize=(7.2, 3.8))
-    returns(axes[0], table, unit)
+    drawn = table[~table.method.isin(left_out)]
+    returns(axes[0], drawn, unit)
+    held = drawn[drawn.tasks_seen >= 3]
+    if left_out and len(held):
+        low = (held.mean_return - held.ci95).min() / unit
+        high = (held.mean_return + held.ci95).max() / unit
+        axes[0].set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
     axes[0].set_ylabel("mean return" + (f" / {unit:g}" if unit != 1 else ""))
     roc(axes[1], table, printed=printed)
     handles, labels = axes[0].get_legend_handles_labels()
