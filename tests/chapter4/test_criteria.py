@@ -477,7 +477,9 @@ CASES = {
         (cliffs(), UNSURE),
     ],
     "4.3-cliff-gain": [
-        (cliff(), YES), (cliff(gain=0.6), UNSURE), (cliff(gain=-1.0), NO),
+        # Of two numbers of tasks an interval is norm.isf(.0125) / norm.isf(.025) = 1.144 times as
+        # wide: .572.
+        (cliff(), YES), (cliff(gain=0.58), YES), (cliff(gain=0.56), UNSURE), (cliff(gain=-1.0), NO),
     ],
     "4.3-cliff-turns": [
         (cliffs(), YES),
@@ -496,7 +498,13 @@ CASES = {
         (cliffs(tilde=cliff()), Verdict.REFUTED),
         (cliffs(), UNSURE),  # a margin of 5% is .1 here, of means that are ± .47
     ],
-    "4.3-cliff-tilde-gains": [(cliffs(), YES), (cliffs(tilde=cliff(gain=0.5)), NO)],
+    # Half-widths of .5 add up: the gain with Q* is 1, that with Q~ has to be above 2.
+    "4.3-cliff-tilde-gains": [
+        (cliffs(tilde=cliff(gain=gain)), verdict)
+        for gain, verdict in (
+            (2.1, YES), (1.9, NEARLY), (0.5, UNSURE), (0.1, UNSURE), (-0.1, WRONG),
+        )
+    ],
     "4.3-cliff-long-run": [
         (cliffs(), YES), (cliffs(tilde=cliff()), UNSURE),
         (cliffs(tilde=cliff((-5.0, -4.0, -3.0, -40.0))), WRONG),
