@@ -327,7 +327,7 @@ def test_where_there_is_no_opengl_the_page_says_so() -> None:
 
 def test_pictures_stand_in_rows_under_their_titles() -> None:
     images = [np.zeros((4, 6, 3), np.uint8)] * 4
-    figure = pictures.gallery(lambda: images, list("abcd"), columns=3)
+    figure = pictures.gallery(lambda: images, list("abcd"))
     assert [ax.get_title() for ax in figure.axes[:4]] == list("abcd")
     assert len(figure.axes) == 6
     plt.close(figure)
