@@ -31,6 +31,7 @@ from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Verdict
 from thesis_lib.edition.plots import COLOURS
+from thesis_lib.edition.words import with_interval
 from thesis_lib.robustness import CONDITIONS, PERTURBATIONS, TRAINED_ON, quadrants, score
 from thesis_lib.stats import friedman, iqm, stratified_bootstrap_ci
 
@@ -214,8 +215,8 @@ def less_distinct(source: str, table: pd.DataFrame) -> Evidence | None:
         rows,
         graded(hill.high < flat.low, hill.value < flat.value, denied=hill.low > flat.high),
         "standard deviation over nets of their mean scores: "
-        f"{hill.value:.3f} [{hill.low:.3f}, {hill.high:.3f}] trained on hills, {flat.value:.3f} "
-        f"[{flat.low:.3f}, {flat.high:.3f}] trained on the flat.",
+        f"{with_interval(hill.value, hill.low, hill.high, '.3f')} trained on hills, "
+        f"{with_interval(flat.value, flat.low, flat.high, '.3f')} trained on the flat.",
     )
 
 

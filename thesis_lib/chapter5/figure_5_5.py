@@ -16,6 +16,7 @@ from thesis_lib.chapter5.judging import Evidence, both, of_rows
 from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.plots import COLOURS
+from thesis_lib.edition.words import with_interval
 from thesis_lib.robustness import quadrants
 
 ALL_NETS = (*NETS, *EXTRA_NETS)
@@ -91,7 +92,7 @@ def _behind(table: pd.DataFrame, source: str, net: str, name: str) -> Evidence |
     row = rows.iloc[0]
     verdict = graded(row.behind_low > 0, row.behind > 0, denied=row.behind_high < 0)
     sentence = (
-        f"DFFWD less {name} {row.behind:+.3f} [{row.behind_low:.3f}, {row.behind_high:.3f}], "
+        f"DFFWD less {name} {with_interval(row.behind, row.behind_low, row.behind_high)}, "
         f"{f'mean of {row.robots} robots' if row.robots > 1 else 'on one robot'}."
     )
     return of_rows(rows, verdict, sentence, tasks=row.robots)

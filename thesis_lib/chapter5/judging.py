@@ -21,7 +21,8 @@ from thesis_lib.chapter5.runs import ENOUGH
 from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Experiment
 from thesis_lib.edition.ledger import WEAKEST_FIRST, Criterion, Finding, Verdict, criterion
-from thesis_lib.stats import holm
+from thesis_lib.edition.words import with_interval
+from thesis_lib.stats import Comparison, holm
 
 _WORDS = {
     Verdict.REFUTED: "deny it",
@@ -251,9 +252,9 @@ def pick(table: pd.DataFrame, source: str, measure: str, quadrant: str) -> pd.Da
     return table[at]
 
 
-def difference(row: pd.Series) -> str:
+def difference(row: pd.Series | Comparison) -> str:
     """A difference with its interval, as text."""
-    return f"{row.difference:+.3f} [{row.low:.3f}, {row.high:.3f}]"
+    return with_interval(row.difference, row.low, row.high)
 
 
 def _over_tasks(p_tasks: np.ndarray, row: pd.Series) -> str:

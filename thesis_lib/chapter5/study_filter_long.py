@@ -18,13 +18,14 @@ from matplotlib.figure import Figure
 
 from thesis_lib.chapter5.cells import NETS
 from thesis_lib.chapter5.contrasts import SMOKE, Config
+from thesis_lib.chapter5.judging import difference
 from thesis_lib.chapter5.runs import DEFAULT, ENOUGH
 from thesis_lib.chapter5.study_filter import CORRELATIONS, ROBOT
 from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import COLOURS
-from thesis_lib.edition.words import several
+from thesis_lib.edition.words import several, with_interval
 from thesis_lib.stats import Comparison, holm, mean_ci, welch
 
 LOOKS = 2
@@ -100,7 +101,7 @@ def keeps_more(table: pd.DataFrame) -> Finding:
             otherwise=Verdict.INCONCLUSIVE,
         ),
         f"After the printed length of training CTRNNs keep, mean over the correlation times above "
-        f"0, {test.difference:+.3f} [{test.low:+.3f}, {test.high:+.3f}] more of their regular "
+        f"0, {difference(test)} more of their regular "
         f"return than DTRNNs (p = {test.p_value:.2g}, Welch, {seeds} seeds a net; below "
         f"{LEVEL / LOOKS:g} counts, as this is asked {LOOKS} times). Shares by net: {rest}.",
         {"difference": test.difference, "p": test.p_value},
@@ -134,7 +135,7 @@ def reading(table: pd.DataFrame) -> str:
     found = lead(table)
     if not found:
         return "Too few policies as long as the thesis's have been tested in such noise."
-    told = {name: f"{t.difference:+.2f} [{t.low:+.2f}, {t.high:+.2f}]" for name, t in found.items()}
+    told = {name: with_interval(t.difference, t.low, t.high, "+.2f") for name, t in found.items()}
     change = found["change"]
     if change.p_value >= LEVEL:
         so = "which way it goes these seeds do not tell"

@@ -22,7 +22,7 @@ from thesis_lib.chapter5.judging import Evidence, both, of_rows, together
 from thesis_lib.chapter5.runs import CELL, DEFAULT, PRINTED_STEPS, Runs
 from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.words import plain
+from thesis_lib.edition.words import plain, with_interval
 from thesis_lib.robustness import PERTURBATIONS, TRAINED_ON, retained
 
 FLOOR = 0.01
@@ -168,7 +168,7 @@ def _above_zero(table: pd.DataFrame, source: str, name: str, what: str) -> Evide
         return None
     row = rows.iloc[0]
     verdict = graded(row.low > 0, row.value > 0, denied=row.high < 0)
-    sentence = f"{what} {row.value:+.2f} [{row.low:.2f}, {row.high:.2f}] on a logarithmic scale"
+    sentence = f"{what} {_interval(row)} on a logarithmic scale"
     if row.robots > 1:
         sentence += f"; with the {row.robots} robots as the unit p = {row.p_tasks:.2g}"
     return of_rows(rows, verdict, f"{sentence}.", tasks=row.robots)
@@ -210,9 +210,7 @@ def reading_in_full(table: pd.DataFrame) -> str:
 
 
 def _interval(row: pd.Series) -> str:
-    """An effect with its interval where it has one."""
-    interval = "" if np.isnan(row.low) else f" [{row.low:+.2f}, {row.high:+.2f}]"
-    return f"{row.value:+.2f}{interval}"
+    return with_interval(row.value, row.low, row.high, "+.2f")
 
 
 def _behind(rows: pd.DataFrame) -> str:
