@@ -18,7 +18,7 @@ from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5 import cells
 from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS, Cells
 from thesis_lib.chapter5.contrasts import SMOKE, Config
-from thesis_lib.chapter5.judging import Evidence, both, of_rows, together
+from thesis_lib.chapter5.judging import Evidence, both, of_rows, of_source, together
 from thesis_lib.chapter5.runs import CELL, DEFAULT, PRINTED_STEPS, Runs
 from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, experiment
@@ -163,7 +163,8 @@ def _effect(
 
 
 def _above_zero(table: pd.DataFrame, source: str, name: str, what: str) -> Evidence | None:
-    rows = table[(table.source == source) & (table.name == name)]
+    own = of_source(source, table)
+    rows = own[own.name == name]
     if rows.empty:
         return None
     row = rows.iloc[0]
@@ -171,7 +172,7 @@ def _above_zero(table: pd.DataFrame, source: str, name: str, what: str) -> Evide
     sentence = f"{what} {_interval(row)} on a logarithmic scale"
     if row.robots > 1:
         sentence += f"; with the {row.robots} robots as the unit p = {row.p_tasks:.2g}"
-    return of_rows(rows, verdict, f"{sentence}.", tasks=row.robots)
+    return of_rows(rows, verdict, f"{sentence}.")
 
 
 def reading(table: pd.DataFrame) -> str:
