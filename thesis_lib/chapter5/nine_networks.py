@@ -6,27 +6,17 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from thesis_lib.chapter5.committed import COLUMNS, Config
+from thesis_lib.chapter5.committed import experiment_of
 from thesis_lib.chapter5.networks import NAMES, STYLES
-from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.criteria import LEVEL
 from thesis_lib.edition.plots import panels
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.stats import Summary, holm, welch
 
-COMMITTED = Config(("learning/curves",))
-
-
-@experiment(
-    "ch5-curves",
-    item="Section 5.5.1",
-    smoke=COMMITTED,
-    book=COMMITTED,
-    seconds=0.009,
-    columns=COLUMNS,
+curves = experiment_of(
+    *("ch5-curves", "learning/curves"),
+    "Learning curves of nine networks on the five flat tasks (committed with the book).",
 )
-def curves(config: Config, context: Context) -> pd.DataFrame:
-    """Learning curves of nine networks on the five flat tasks (committed with the book)."""
-    return config.read()
 
 
 def improvement(table: pd.DataFrame, last: int = 5) -> pd.DataFrame:
@@ -61,7 +51,7 @@ def improvement(table: pd.DataFrame, last: int = 5) -> pd.DataFrame:
         records.append((task, net, start.mean_return, mean, result.p_value))
     made = pd.DataFrame(records, columns=["task", "architecture", "first", "last", "p"])
     made["p"] = holm(made.p)
-    made["learned"] = (made["last"] > made["first"]) & (made.p < 0.05)
+    made["learned"] = (made["last"] > made["first"]) & (made.p < LEVEL)
     return made.set_index(["task", "architecture"])
 
 
