@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from thesis_lib import published
-from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS
+from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS, as_published
 from thesis_lib.chapter5.runs import DEFAULT, ENOUGH, PRINTED_STEPS
 from thesis_lib.edition.criteria import LEVEL
 from thesis_lib.edition.words import number, several
-from thesis_lib.published import TASKS
 from thesis_lib.robustness import TRAINED_ON
 from thesis_lib.stats import Comparison, Summary, leading, mean_ci, welch
 from thesis_lib.training.config import TrainConfig
@@ -76,14 +74,14 @@ def beside(table: str, ours: pd.DataFrame, printed_runs: int) -> list[Cell]:
     printed_runs
         Runs behind a printed cell.
     """
-    published_by = published.load(table).set_index(["task", "trained_on", "architecture"])
+    printed = as_published(table)
     own = ours[ours.variant == DEFAULT].assign(architecture=ours.architecture.str.upper())
     own = own.sort_values("seed")
     by_cell = dict(list(own.groupby(["task", "terrain", "architecture"])))
     rows = []
     for ground in TRAINED_ON:
         for robot in ROBOTS:
-            row = published_by.loc[TASKS[robot]].loc[ground]
+            row = printed.loc[ground].loc[robot]
             summaries = {
                 net: Summary(r.value, r.standard_error * printed_runs**0.5, printed_runs)
                 for net, r in row.iterrows()

@@ -16,14 +16,12 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from thesis_lib import published
-from thesis_lib.chapter5.cells import NETS, ROBOTS
+from thesis_lib.chapter5.cells import NETS, ROBOTS, as_published
 from thesis_lib.chapter5.contrasts import Config
 from thesis_lib.chapter5.figure_5_3 import bins, by_cell
 from thesis_lib.chapter5.runs import CELL, PRINTED_STEPS
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.plots import COLOURS, PRINTED, panels
-from thesis_lib.published import TASKS
 from thesis_lib.robustness import TRAINED_ON
 
 
@@ -72,12 +70,12 @@ def curves(config: Config, context: Context) -> list[Point]:
         by_cell(store.curves, some.drop_duplicates(CELL))
         for some in (budgets[long], budgets[~long])
     )
-    by = published.load("table-5.2").set_index(["task", "trained_on", "architecture"])
+    by = as_published("table-5.2")
     rows = []
     for robot, ground, net in product(ROBOTS, TRAINED_ON, NETS):
         if (runs := cells.get((robot, ground, net))) is None:
             continue
-        printed = by.loc[(TASKS[robot], ground, net)]
+        printed = by.loc[(ground, robot, net)]
         rest = others.get((robot, ground, net), runs.iloc[:0])
         rows += [
             Point(robot, ground, net, *point, float(printed.value), float(printed.standard_error))

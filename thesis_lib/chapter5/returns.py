@@ -18,7 +18,7 @@ from thesis_lib.chapter5.cell_table import (
 from thesis_lib.chapter5.cells import GROUPS, NETS, TEST_RUNS
 from thesis_lib.chapter5.contrasts import Config, comparisons
 from thesis_lib.chapter5.judging import Evidence, Said, ahead, both, difference, of_rows, pick
-from thesis_lib.chapter5.runs import CELL, DEFAULT
+from thesis_lib.chapter5.runs import CELL, plain
 from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Context, Experiment, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
@@ -37,11 +37,13 @@ def _returns(table: str, condition: str, item: str) -> Experiment[Config]:
 
     def cells(config: Config, context: Context) -> list[Cell]:
         store = config.runs()
-        tests = store.returns()
-        tests = tests[(tests.condition == condition) & (tests.correlation == 0)]
-        tests = tests[(tests.intervention == "none") & (tests.variant == DEFAULT)]
+        tests = plain(store.returns())
         ends = store.learning()[[*CELL, "seed", "last_return"]]
-        runs = tests.merge(ends, on=[*CELL, "seed"]).rename(columns={"return": "value"})
+        runs = (
+            tests[tests.condition == condition]
+            .merge(ends, on=[*CELL, "seed"])
+            .rename(columns={"return": "value"})
+        )
         return beside(table, runs, TEST_RUNS)
 
     cells.__doc__ = f"{published.TABLES[table]}, printed and ours, by robot, ground and net"

@@ -19,6 +19,7 @@ correlation times above 0, two Welch tests, both significant by Holm at .05.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -239,14 +240,31 @@ def because_it_filters(table: pd.DataFrame) -> Finding:
     return Finding(verdict, evidence)
 
 
+def by_policy(table: pd.DataFrame, kind: str, times: Collection[float]) -> dict[str, pd.Series]:
+    """Each policy's share by kind: mean over some correlation times, in all of which it was tested.
+
+    Parameters
+    ----------
+    table
+        With ``correlation``, ``seed``, ``retained`` and the kind of policy.
+    kind
+        Its column.
+    times
+        Correlation times.
+    """
+    part = table[table.correlation.isin(times)]
+    wide = part.pivot_table(index=[kind, "seed"], columns="correlation", values="retained")
+    shares = wide.reindex(columns=list(times)).dropna().mean(axis=1)
+    return {str(name): own for name, own in shares.groupby(kind)}
+
+
 def _leads(table: pd.DataFrame, *, slow: bool) -> list[Comparison] | None:
     """What CTRNNs keep more than DTRNNs and than fixed ones; None if one has not been tested.
 
     Each policy counts once: by its mean over the correlation times above 0, or in white noise.
     """
-    part = table[(table.correlation > 0) == slow]
-    shares = part.pivot_table(index=["arm", "seed"], columns="correlation", values="retained")
-    by = {arm: own.mean(axis=1) for arm, own in shares.dropna().groupby("arm")}
+    times = sorted(set(table.correlation[(table.correlation > 0) == slow]))
+    by = by_policy(table, "arm", times)
     if not {"CTRNN", "DTRNN", "CTRNN, fixed"} <= set(by):
         return None
     return [welch(by["CTRNN"], by[other]) for other in ("DTRNN", "CTRNN, fixed")]

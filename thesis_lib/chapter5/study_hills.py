@@ -16,7 +16,7 @@ from scipy.stats import ttest_1samp
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5 import cells
-from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS, Cells
+from thesis_lib.chapter5.cells import GROUPS, ROBOTS, Cells, weights
 from thesis_lib.chapter5.contrasts import SMOKE, Config
 from thesis_lib.chapter5.judging import Evidence, both, of_rows, of_source, together
 from thesis_lib.chapter5.runs import CELL, DEFAULT, PRINTED_STEPS, Runs
@@ -75,12 +75,11 @@ def effects(config: Config, context: Context) -> list[Effect]:
 
 
 def _rises(made: Cells) -> Iterator[Effect]:
-    rnns = np.isin(NETS, GROUPS["RNNs"])
-    own, others = rnns / rnns.sum(), ~rnns / (~rnns).sum()
+    own, others = weights("RNNs"), weights("FNNs")
     means, resampled = _rise(made.mean), _rise(made.draws)
     for j, perturbation in enumerate(PERTURBATIONS):
-        for name, weights in ((perturbation, own - others), (f"{perturbation}, RNNs", own)):
-            mean, draws = means[j] @ weights, resampled[:, j] @ weights
+        for name, of in ((perturbation, own - others), (f"{perturbation}, RNNs", own)):
+            mean, draws = means[j] @ of, resampled[:, j] @ of
             there = np.isfinite(mean)
             if there.any():
                 units = int(made.units[:, there].min())
