@@ -170,7 +170,7 @@ def draw(table: pd.DataFrame) -> Figure:
 
 def _ends(own: pd.DataFrame) -> tuple[pd.DataFrame, int, str]:
     """Shares by net after the shortest and the longest training, losers, and when, in words."""
-    wide = own.pivot(index="architecture", columns="steps", values="kept").sort_index(axis=1)
+    wide = own.pivot(index="architecture", columns="steps", values="kept")
     ends = wide.iloc[:, [0, -1]]
     short, long = ends.columns / 1e6
     less = int((ends.iloc[:, 1] < ends.iloc[:, 0]).sum())
