@@ -453,16 +453,22 @@ def test_rows_that_have_been_run_whole_are_judged_and_the_rest_is_left_out():
         ("Ant", "flat", [3.0, 3.0]),
         ("Ant", "hill", [3.0, NAN]),
     )
-    whole = cell_table.whole_rows(asked, "ours")
+    whole = cell_table.whole_rows(asked, "ours", 20)
     assert whole[["task", "trained_on"]].drop_duplicates().values.tolist() == [
         ["Hopper", "flat"],
         ["Hopper", "hill"],
         ["Ant", "flat"],
     ]
-    several = cell_table.whole_rows(asked, "ours", errors=True)
+    several = cell_table.whole_rows(asked, "ours", 20, errors=True)
     assert several.index.tolist() == [0, 1, 4, 5]
-    assert cell_table.whole_rows(asked, "ours", errors=True, least=3).empty
-    assert len(cell_table.whole_rows(asked, "printed", least=4)) == 8
+    assert cell_table.whole_rows(asked, "ours", 20, errors=True, least=3).empty
+    printed = cell_table.whole_rows(asked, "printed", 20, least=4)
+    assert (
+        printed[["value", "error", "units", "printed_budget"]].values.tolist()
+        == [[2.0, 0.1, 20, True]] * 8
+    )
+    found = cell_table.whole(20, "task == 'Ant'")("ours", asked)
+    assert found[["task", "value", "units"]].values.tolist() == [["Ant", 3.0, 3]] * 2
 
 
 def test_evidence_counts_robots_whose_rows_are_all_there():
@@ -471,19 +477,48 @@ def test_evidence_counts_robots_whose_rows_are_all_there():
         ("Ant", "flat", [3.0, 3.0]),
         ("Ant", "hill", [3.0, NAN]),
     )
-    rows = cell_table.whole_rows(asked, "ours")
-    found = cell_table.evidence(rows, asked, "ours", Verdict.REPRODUCED, "They do.")
+    rows = cell_table.whole_rows(asked, "ours", 5)
+    found = judging.of_rows(rows, Verdict.REPRODUCED, "They do.")
     assert (found.tasks, found.of_tasks, found.units) == (1, 2, 3)
     assert not found.printed_budget  # of one cell
-    printed = cell_table.evidence(rows, asked, "printed", Verdict.REPRODUCED, "It does.")
+    rows = cell_table.whole_rows(asked, "printed", 5)
+    printed = judging.of_rows(rows, Verdict.REPRODUCED, "It does.")
+    assert (printed.tasks, printed.of_tasks, printed.units) == (2, 2, 5)
+    assert printed.printed_budget
     made = judging.weigh(printed, found)
     assert made.verdict is Verdict.INCONCLUSIVE
     assert "(3 seeds, 1 of 2 robots, fewer steps than the thesis's)" in made.evidence
 
 
+def test_evidence_counts_robots_by_name_or_as_told():
+    named = pd.DataFrame({"task": ["Ant", "all", "Hopper", "Ant"], "units": [3, 4, 5, 6]})
+    named["printed_budget"] = [True, True, True, False]
+    told = named.assign(robots=[5, 4, 5, 5])
+    found, other = (judging.of_rows(r, Verdict.REPRODUCED, "So.") for r in (named, told))
+    assert (found.tasks, found.of_tasks, found.units, found.printed_budget) == (2, 5, 3, False)
+    assert other.tasks == 4
+
+
+def test_a_judge_of_rows_is_not_asked_without_any():
+    @judging.both("a-claim", rows=judging.of_source)
+    def judge(rows):
+        return Verdict.REPRODUCED, f"mean {rows.value.mean():g}."
+
+    table = pd.DataFrame({"source": ["printed"] * 2, "value": [1.0, 2.0], "task": ["Ant"] * 2})
+    table = table.assign(units=20, tasks=5, printed_budget=True)
+    found = judge(table)
+    assert found.verdict is Verdict.NOT_RUN
+    assert found.evidence == (
+        "The printed tables bear it out: mean 1.5. Ours have not all been run yet."
+    )
+    both = judge(pd.concat([table, table.assign(source="ours")]))
+    assert both.verdict is Verdict.REPRODUCED
+
+
 def test_a_claim_about_one_robot_needs_no_other():
     asked = rows_of_ours(("Hopper", "flat", [3.0, 1.0]))
-    found = cell_table.evidence(asked, asked, "ours", Verdict.NOT_REPRODUCED, "They do not.")
+    rows = cell_table.whole_rows(asked, "ours", 5)
+    found = judging.of_rows(rows, Verdict.NOT_REPRODUCED, "They do not.")
     made = judging.weigh(None, found)
     assert made.verdict is Verdict.NOT_REPRODUCED
     assert "Our runs (3 seeds)" in made.evidence
@@ -501,3 +536,7 @@ def test_a_hopper_that_has_not_been_run_leaves_its_claim_open():
     assert "Ant 3.00, Hopper 3.00." in found.evidence
     table.loc[table.task == "Ant", "iterations"] = 150
     assert "on the flat: Hopper 3.00;" in table_5_2.hopper_hard(table).evidence
+    # Budgets that differ from net to net alike are the same budget.
+    table.loc[table.architecture == "ESN", "iterations"] = 100
+    table.loc[(table.task == "Ant") & (table.architecture != "ESN"), "iterations"] = 500
+    assert "Ant 3.00, Hopper 3.00." in table_5_2.hopper_hard(table).evidence

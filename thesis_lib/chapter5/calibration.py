@@ -13,13 +13,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from thesis_lib.chapter5.cells import NETS
+from thesis_lib.chapter5.cells import NETS, as_published
 from thesis_lib.checkout import repository_root
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion, effect_of
 from thesis_lib.edition.words import several
 from thesis_lib.published import TASKS
-from thesis_lib.published import load as published
 from thesis_lib.training.config import NARROWED, TrainConfig, head_scale, sensors, step_size
 from thesis_lib.training.trained import LAST
 
@@ -75,7 +74,7 @@ def readings(config: Config, context: Context) -> list[Reading]:
     """Return of the first iterations by settings that are not printed, beside table 5.2."""
     curves = pd.read_csv(repository_root() / config.store / "curves.csv")
     curves = curves[curves.iteration <= config.iterations]
-    printed = published("table-5.2").set_index(["task", "trained_on", "architecture"])
+    printed = as_published("table-5.2").loc["flat"]
     rows = []
     for key, group in curves.groupby(list(SETTINGS), sort=False, dropna=False):
         by = group.pivot(index="iteration", columns="seed", values="mean_return")
@@ -85,7 +84,7 @@ def readings(config: Config, context: Context) -> list[Reading]:
         means = runs.mean()
         settings: dict[str, Any] = dict(zip(SETTINGS, key, strict=True))
         net = settings["architecture"].upper()
-        cell = printed.loc[(TASKS[settings["task"]], "flat", net)]
+        cell = printed.loc[(settings["task"], net)]
         rows.append(
             Reading(
                 **settings,

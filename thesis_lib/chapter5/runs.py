@@ -188,6 +188,12 @@ class Runs:
         return table.merge(budgets[columns], on=[*CELL, "layer"])
 
 
+def plain(tests: pd.DataFrame) -> pd.DataFrame:
+    """Tests of nets with the default settings and nothing done to them, all noise white."""
+    white = (tests.correlation == 0) & (tests.intervention == "none")
+    return tests[white & (tests.variant == DEFAULT)]
+
+
 def read_runs(folder: Path | str | None = None) -> Runs:
     """Read the runs of a results store.
 

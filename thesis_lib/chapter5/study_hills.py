@@ -16,13 +16,13 @@ from scipy.stats import ttest_1samp
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5 import cells
-from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS, Cells
+from thesis_lib.chapter5.cells import GROUPS, ROBOTS, Cells, weights
 from thesis_lib.chapter5.contrasts import SMOKE, Config
-from thesis_lib.chapter5.judging import Evidence, both, of_rows, together
+from thesis_lib.chapter5.judging import Evidence, both, of_rows, of_source, together
 from thesis_lib.chapter5.runs import CELL, DEFAULT, PRINTED_STEPS, Runs
 from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.words import plain
+from thesis_lib.edition.words import plain, with_interval
 from thesis_lib.robustness import PERTURBATIONS, TRAINED_ON, retained
 
 FLOOR = 0.01
@@ -75,12 +75,11 @@ def effects(config: Config, context: Context) -> list[Effect]:
 
 
 def _rises(made: Cells) -> Iterator[Effect]:
-    rnns = np.isin(NETS, GROUPS["RNNs"])
-    own, others = rnns / rnns.sum(), ~rnns / (~rnns).sum()
+    own, others = weights("RNNs"), weights("FNNs")
     means, resampled = _rise(made.mean), _rise(made.draws)
     for j, perturbation in enumerate(PERTURBATIONS):
-        for name, weights in ((perturbation, own - others), (f"{perturbation}, RNNs", own)):
-            mean, draws = means[j] @ weights, resampled[:, j] @ weights
+        for name, of in ((perturbation, own - others), (f"{perturbation}, RNNs", own)):
+            mean, draws = means[j] @ of, resampled[:, j] @ of
             there = np.isfinite(mean)
             if there.any():
                 units = int(made.units[:, there].min())
@@ -163,15 +162,16 @@ def _effect(
 
 
 def _above_zero(table: pd.DataFrame, source: str, name: str, what: str) -> Evidence | None:
-    rows = table[(table.source == source) & (table.name == name)]
+    own = of_source(source, table)
+    rows = own[own.name == name]
     if rows.empty:
         return None
     row = rows.iloc[0]
     verdict = graded(row.low > 0, row.value > 0, denied=row.high < 0)
-    sentence = f"{what} {row.value:+.2f} [{row.low:.2f}, {row.high:.2f}] on a logarithmic scale"
+    sentence = f"{what} {_interval(row)} on a logarithmic scale"
     if row.robots > 1:
         sentence += f"; with the {row.robots} robots as the unit p = {row.p_tasks:.2g}"
-    return of_rows(rows, verdict, f"{sentence}.", tasks=row.robots)
+    return of_rows(rows, verdict, f"{sentence}.")
 
 
 def reading(table: pd.DataFrame) -> str:
@@ -210,9 +210,7 @@ def reading_in_full(table: pd.DataFrame) -> str:
 
 
 def _interval(row: pd.Series) -> str:
-    """An effect with its interval where it has one."""
-    interval = "" if np.isnan(row.low) else f" [{row.low:+.2f}, {row.high:+.2f}]"
-    return f"{row.value:+.2f}{interval}"
+    return with_interval(row.value, row.low, row.high, "+.2f")
 
 
 def _behind(rows: pd.DataFrame) -> str:

@@ -12,8 +12,7 @@ from scipy.stats import nct, t
 
 from thesis_lib.chapter5.cells import LEARNING_RUNS, NETS
 from thesis_lib.chapter5.contrasts import Config
-from thesis_lib.chapter5.judging import Evidence, both
-from thesis_lib.chapter5.runs import ENOUGH
+from thesis_lib.chapter5.judging import Said, both, of_source
 from thesis_lib.chapter5.table_5_2 import entries
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Verdict
@@ -130,12 +129,9 @@ def _pairs(source: str, row: pd.DataFrame, value: str, error: str) -> Iterator[P
         )
 
 
-@both("ch5-five-seeds", pairs)
-def five_seeds(source: str, table: pd.DataFrame) -> Evidence | None:
+@both("ch5-five-seeds", pairs, rows=of_source)
+def five_seeds(rows: pd.DataFrame) -> Said:
     """Share of the pairs of nets that five seeds tell apart, and how many it takes."""
-    rows = table[table.source == source]
-    if rows.empty:
-        return None
     enough = rows.power >= POWER
     if enough.mean() > 0.5:
         verdict = Verdict.REPRODUCED
@@ -143,13 +139,10 @@ def five_seeds(source: str, table: pd.DataFrame) -> Evidence | None:
         verdict = Verdict.NOT_REPRODUCED if enough.mean() > 0.25 else Verdict.REFUTED
     by_row = rows.drop_duplicates(["trained_on", "task"])
     share = by_row.between_nets / (by_row.between_nets + by_row.between_seeds)
-    sentence = (
+    return verdict, (
         f"{LEARNING_RUNS} seeds tell {enough.sum()} of {len(rows)} pairs of nets apart with a "
         f"chance of {POWER:.0%}; half of the pairs need {rows.seeds_needed.median():.0f} seeds or "
         f"fewer, nine in ten {rows.seeds_needed.quantile(0.9):.0f} (counted up to {MOST_SEEDS}). "
         f"Nets explain {share.min():.0%} to {share.max():.0%} of a row's variance (median "
         f"{share.median():.0%}), seeds the rest."
     )
-    robots = rows.task.nunique()
-    units = int(rows.units.min()) if source == "ours" else max(ENOUGH, int(rows.units.min()))
-    return Evidence(verdict, sentence, units, robots, bool(rows.printed_budget.all()))
