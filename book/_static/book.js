@@ -44,12 +44,14 @@ window.addEventListener("DOMContentLoaded", () => {
   }
 });
 
-// Formulas and code are tab stops only where they are too wide, so that keys can move them.
+// Formulas, code and fields of the reference are tab stops only where they are too wide, so that
+// keys can move them.
 window.addEventListener("load", async () => {
   await window.MathJax?.startup?.promise;
   const reach = () => {
     // Not those in a line: the hidden copy for screen readers makes each look too wide.
-    for (const wide of document.querySelectorAll("div.math mjx-container, article pre")) {
+    const wides = "div.math mjx-container, article pre, dl.py dl.field-list > dd";
+    for (const wide of document.querySelectorAll(wides)) {
       if (wide.scrollWidth > wide.clientWidth) wide.tabIndex = 0;
       else wide.removeAttribute("tabindex");
     }

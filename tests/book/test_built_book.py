@@ -26,6 +26,7 @@ PAGES = sorted(re.findall(r"(?:root|file): (\S+)", (ROOT / "_toc.yml").read_text
 OF_A_KIND = [p for p in PAGES if not p.startswith("book/api/") or p.endswith(("/index", "/small"))]
 """Pages less those of the reference that look like another one and are very long."""
 OF_EACH_KIND = ["book/intro", "book/scoreboard", "book/bibliography", "book/play", "book/api/small"]
+OF_EACH_KIND += ["book/api/potentials", "prf-prf"]
 OF_EACH_KIND += ["notebooks/appendix_a", "notebooks/ch03_evaluation"]
 NOTEBOOKS = [page.partition("/")[2] for page in PAGES if page.startswith("notebooks/")]
 
@@ -217,12 +218,17 @@ class Tab:
 
     def __init__(self, browser: Any, site: str, **options: Any) -> None:
         self.site = site
-        self.context = browser.new_context(reduced_motion="reduce", **options)
+        self.context = browser.new_context(**{"reduced_motion": "reduce", **options})
         self.page = self.context.new_page()
         self.asked: list[str] = []
         self.errors: list[str] = []
         self.page.on("request", lambda request: self.asked.append(request.url))
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.on("console", self._note)
+
+    def _note(self, message: Any) -> None:
+        if message.type == "error":
+            self.errors.append(message.text)
 
     def open(self, name: str, until: str = "load") -> Any:
         self.page.goto(f"{self.site}/{name}")  # an idle network alone need not mean a read page
@@ -340,7 +346,7 @@ class TestInTheBrowser:
     def test_everything_one_can_press_has_a_name(self, tab: Tab, name: str) -> None:
         assert tab.open(f"{name}.html").evaluate(UNNAMED) == []
 
-    @pytest.mark.parametrize("tab", [{}, PHONE], ids=["wide", "phone"], indirect=True)
+    @pytest.mark.parametrize("tab", [{}, PHONE, DARK], ids=["wide", "phone", "dark"], indirect=True)
     @pytest.mark.parametrize("name", OF_EACH_KIND)
     def test_axe_finds_nothing_serious(self, tab: Tab, name: str) -> None:
         opened = tab.open(f"{name}.html", until="networkidle")
@@ -359,6 +365,11 @@ class TestInTheBrowser:
             opened.keyboard.press("Tab")
             reached |= opened.evaluate("!!document.activeElement.closest('article')")
         assert reached
+
+    def test_formulas_are_no_tab_stops_unless_they_are_too_wide(self, tab: Tab) -> None:
+        opened = tab.open("notebooks/ch02_background.html")
+        opened.wait_for_function("document.querySelectorAll('mjx-container').length > 100")
+        opened.wait_for_function("document.querySelectorAll('mjx-container[tabindex]').length < 20")
 
     def test_the_scoreboard_can_be_filtered(self, tab: Tab) -> None:
         opened = tab.open("book/scoreboard.html")
@@ -415,6 +426,13 @@ class TestInTheBrowser:
         opened = tab.open("book/films.html")
         opened.evaluate("document.querySelector('video').play()")
         opened.wait_for_function("document.querySelector('video').currentTime > 0.1")
+
+    @pytest.mark.parametrize("tab", [{"reduced_motion": "no-preference"}], indirect=True)
+    def test_the_film_of_the_front_page_moves_by_itself(self, tab: Tab) -> None:
+        opened = tab.open("book/intro.html")
+        opened.wait_for_function(
+            "document.querySelector('figure.moving video').currentTime > 0.1", timeout=30_000
+        )
 
     def test_search_finds_bellman(self, tab: Tab) -> None:
         opened = tab.open("search.html?q=Bellman")
