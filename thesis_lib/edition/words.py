@@ -57,7 +57,14 @@ def number(value: float, error: float = 0.0, *, sign: bool = False) -> str:
 
 
 def plus_minus(mean: float, half_width: float) -> str:
-    """A mean with the half-width of its interval."""
+    """A mean with the half-width of its interval, small ones with one power of ten for both.
+
+    >>> plus_minus(0.000611, 0.000048), plus_minus(0.0159, 0.0028)
+    ('(6.11 ± 0.48) × 10⁻⁴', '0.0159 ± 0.0028')
+    """
+    if 0 < half_width < 1e-4 and abs(mean) < 0.01:
+        power = int(np.floor(np.log10(max(abs(mean), half_width))))
+        return f"({plus_minus(mean / 10.0**power, half_width / 10.0**power)}) × {_ten(power)}"
     return f"{number(mean, half_width)} ± {number(half_width, half_width)}"
 
 
@@ -212,5 +219,9 @@ def _power(found: re.Match[str]) -> str:
     digits, exponent = float(found[1]), int(found[2])
     if digits == 0:
         return "0"
-    raised = f"10{str(exponent).translate(_RAISED)}"
-    return raised if digits == 1 else f"{found[1]} × {raised}"
+    return _ten(exponent) if digits == 1 else f"{found[1]} × {_ten(exponent)}"
+
+
+def _ten(exponent: int) -> str:
+    """``-13`` as 10⁻¹³."""
+    return f"10{str(exponent).translate(_RAISED)}"
