@@ -12,7 +12,6 @@ from scipy.stats import ttest_1samp
 
 from thesis_lib.chapter5.committed import COLUMNS, Config, experiment_of, time_constant
 from thesis_lib.chapter5.networks import NAMES, STYLES
-from thesis_lib.chapter5.runs import ENOUGH
 from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion, effect_of
@@ -30,6 +29,9 @@ SWEEPS = ("dtrnn", "ctrnn", "esn", "previous_action", "dffwd", "softplus")
 
 FIRST = 100
 """Iterations at the printed batch by which settings were calibrated."""
+
+FEWEST = 3
+"""Seeds from which on a difference is judged."""
 
 COMMITTED = Config(tuple(f"options/{name}/curves" for name in SWEEPS))
 
@@ -163,7 +165,7 @@ def midpoint_costs_time(table: pd.DataFrame) -> Finding:
     spent = table.assign(seconds=table.sampling_seconds + table.update_seconds)
     by = spent.pivot_table("seconds", "seed", "variant", aggfunc="sum")
     pairs = by.reindex(columns=[DEFAULT, "integrator=euler"]).dropna()
-    if len(pairs) < ENOUGH:
+    if len(pairs) < FEWEST:
         told = f"Only {len(pairs)} seeds have been timed with both methods."
         return Finding(Verdict.INCONCLUSIVE, told)
     logs = np.log(pairs[DEFAULT] / pairs["integrator=euler"])
