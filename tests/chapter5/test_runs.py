@@ -114,7 +114,7 @@ def perturbed(folder, iterations, batch, kept, few=""):
         for i in (1, iterations)
     ]
     tests = [
-        run | {"condition": condition, "run": 0, "policy": "last", "return": 1000 * share}
+        run | {"condition": condition, "test": 0, "policy": "last", "return": 1000 * share}
         for run in runs
         for condition, share in zip(
             ("base", "noise", "switch"),
@@ -311,7 +311,7 @@ def test_returns_are_means_over_test_runs_at_that_budget(tmp_path):
     path = layer(tmp_path, "depth", 3, 10, 50_000)
     other = layer(tmp_path, "breadth", 3, 2, 20_000)
     tests = [
-        RUN | {"seed": s, "condition": "noise", "run": r, "return": 10.0 * s + r}
+        RUN | {"seed": s, "condition": "noise", "test": r, "return": 10.0 * s + r}
         for s in range(3)
         for r in range(3)
     ]
@@ -329,7 +329,7 @@ def test_a_run_of_a_test_that_two_folders_hold_counts_once(tmp_path):
     test = RUN | {"seed": 0, "condition": "base"}
     for name, returns in (("", [1.0, 5.0]), ("more", [1.0, 5.0, 6.0])):
         (made / name).mkdir(exist_ok=True)
-        rows = [test | {"run": i, "return": r} for i, r in enumerate(returns)]
+        rows = [test | {"test": i, "return": r} for i, r in enumerate(returns)]
         pd.DataFrame(rows).to_parquet(made / name / "tests.parquet")
     assert read_runs(tmp_path).returns()["return"].tolist() == [4.0]
 
@@ -369,7 +369,7 @@ def test_nets_that_one_picture_compares_have_learned_for_as_long(tmp_path):
             for net in nets
         ]
         tests = [
-            RUN | {"architecture": net, "seed": seed, "condition": condition, "run": 0}
+            RUN | {"architecture": net, "seed": seed, "condition": condition, "test": 0}
             | {"return": float(iterations)}
             for net in nets for seed in range(3) for condition in CONDITIONS
         ]  # fmt: skip

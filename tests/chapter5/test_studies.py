@@ -85,7 +85,7 @@ def filter_store(folder, kept, seeds=8):
             at |= {"variant": a.variant, "seed": seed}
             for i in (1, 500):
                 curves.append(at | {"iteration": i, "steps": i * 50_000, "mean_return": 1.0})
-            test = at | {"intervention": a.intervention, "run": 0}
+            test = at | {"intervention": a.intervention, "test": 0}
             own = 1000.0 if a.intervention == "none" else 300.0
             tests.append(test | {"condition": "base", "correlation": 0, "return": own})
             noisy = {"condition": "noise", "correlation": correlation}
@@ -310,7 +310,7 @@ def long_store(folder, kept, seeds=3, last=500):
             at |= {"variant": "default", "seed": seed}
             for i in (1, last):
                 curves.append(at | {"iteration": i, "steps": i * 50_000, "mean_return": 1.0})
-            test = at | {"run": 0, "policy": "last", "intervention": "none"}
+            test = at | {"test": 0, "policy": "last", "intervention": "none"}
             tests.append(test | {"condition": "base", "correlation": 0.0, "return": 2000.0})
             for time in study_filter.CORRELATIONS:
                 share = shares[seed] if time else 9.0

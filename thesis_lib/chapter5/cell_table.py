@@ -97,7 +97,7 @@ def beside(table: str, ours: pd.DataFrame, printed_runs: int) -> list[Cell]:
                     row.loc[net],
                     summaries[net],
                     net in first,
-                    mine.get(net),
+                    mine.get(net, own.iloc[:0]),
                     net in ours_first,
                 )
                 for net in NETS
@@ -119,15 +119,13 @@ def _cell(
     row: pd.Series,
     summary: Summary,
     first: bool,
-    runs: pd.DataFrame | None,
+    runs: pd.DataFrame,
     ours_first: bool,
 ) -> Cell:
-    value = np.array([]) if runs is None else runs.value.to_numpy()
-    n = len(value)
+    value, n = runs.value.to_numpy(), len(runs)
     mean = value.mean() if n else np.nan
     half = mean_ci(value).half_width if n > 1 else np.nan
-    iterations = 0 if runs is None else int(runs.iterations.min())
-    batch = 0 if runs is None else int(runs.batch_steps.min())
+    iterations, batch = (int(runs[c].min()) if n else 0 for c in ("iterations", "batch_steps"))
     return Cell(
         robot,
         ground,
@@ -140,7 +138,7 @@ def _cell(
         error=value.std(ddof=1) / n**0.5 if n > 1 else np.nan,
         low=mean - half,
         high=mean + half,
-        best=np.nan if runs is None else runs.value.loc[runs.last_return.idxmax()],
+        best=runs.value.loc[runs.last_return.idxmax()] if n else np.nan,
         ours_leads=ours_first,
         p_printed=welch(value, summary).p_value if n > 1 else np.nan,
         seeds=n,
@@ -266,8 +264,9 @@ def _entries(cells: pd.DataFrame) -> dict[str, str | None]:
 
 def _runs(cells: pd.DataFrame) -> str:
     """Heading of our row: how many seeds there are; not the same for all nets, a range."""
-    run = cells[cells.seeds > 0]
-    return "not run" if run.empty else f"ours, n = {_range(run.seeds)}"
+    seeds = cells.seeds[cells.seeds > 0]
+    low, high = seeds.min(), seeds.max()
+    return "not run" if seeds.empty else f"ours, n = {low if low == high else f'{low} to {high}'}"
 
 
 def run_length(table: pd.DataFrame) -> str:
@@ -349,8 +348,3 @@ def left_to_run(table: pd.DataFrame) -> str:
         f"{words}Of {len(table)} cells {len(left)} have not been run at the printed length with "
         f"{ENOUGH} seeds; that takes about {number(ENOUGH * seconds / 3600)} processor hours."
     )
-
-
-def _range(values: pd.Series) -> str:
-    low, high = values.min(), values.max()
-    return f"{low:,}" if low == high else f"{low:,} to {high:,}"

@@ -68,7 +68,7 @@ class Config:
         )
 
 
-SMOKE, BOOK = Config(200), Config()
+SMOKE = Config(200)
 
 
 def chosen(
@@ -152,7 +152,7 @@ class Contrast:
     """Whether all cells learned for as many steps as the thesis's."""
 
 
-@experiment("ch5-comparisons", item="Sections 5.5 to 5.7", smoke=SMOKE, book=BOOK, seconds=2)
+@experiment("ch5-comparisons", item="Sections 5.5 to 5.7", smoke=SMOKE, book=Config(), seconds=2)
 def comparisons(config: Config, context: Context) -> list[Contrast]:
     """Differences between nets in learning, at test and in robustness, printed and ours."""
     store = config.runs()

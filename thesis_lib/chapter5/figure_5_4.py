@@ -186,8 +186,8 @@ def no_best_under_noise(rows: pd.DataFrame) -> Said:
     """Nets with the highest score on each task, flat-trained, under noise."""
     best = rows.loc[rows.groupby("task").value.idxmax()]
     listed = ", ".join(f"{r.task} {r.architecture}" for r in best.itertuples())
-    verdict = Verdict.REPRODUCED if best.architecture.nunique() > 1 else Verdict.REFUTED
-    return verdict, f"highest score: {listed}."
+    several = best.architecture.nunique() > 1
+    return graded(several, otherwise=Verdict.REFUTED), f"highest score: {listed}."
 
 
 # ------------------------------------------------------------------ switch to hills

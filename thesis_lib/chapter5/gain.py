@@ -22,8 +22,9 @@ from thesis_lib.chapter5.networks import (
     rms,
     untrained_net,
 )
+from thesis_lib.edition.criteria import judged
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.ledger import Finding, Verdict, criterion
+from thesis_lib.edition.ledger import Finding, criterion
 from thesis_lib.edition.plots import COLOURS, panels
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.policies import GaussianPolicy
@@ -159,9 +160,7 @@ def low_pass(table: pd.DataFrame, stage: str) -> Finding:
         + " and ".join(f"{kept[net]:.2f}" for net in mean.index[ours])
         + f" of the slow gain is left ({best}: {kept[best]:.2f})."
     )
-    if (wins == 1).all():
-        return Finding(Verdict.REPRODUCED, evidence)
-    return Finding(Verdict.DIRECTION if wins.mean() > 0.5 else Verdict.NOT_REPRODUCED, evidence)
+    return judged((wins == 1).all(), evidence, direction=wins.mean() > 0.5)
 
 
 @criterion("5.2-low-pass", untrained)

@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from thesis_lib.chapter5.committed import experiment_of
-from thesis_lib.chapter5.networks import NAMES, STYLES
+from thesis_lib.chapter5.networks import NAMES, STYLES, by_network
 from thesis_lib.edition.criteria import LEVEL
 from thesis_lib.edition.plots import panels
 from thesis_lib.locomotion.robots import ROBOTS
@@ -98,7 +98,7 @@ def shown(table: pd.DataFrame, last: int = 5) -> pd.DataFrame:
         f"{first:.0f} → **{last:.0f}**" if learned else f"{first:.0f} → {last:.0f}"
         for first, last, learned in zip(ends["first"], ends["last"], gained.learned, strict=True)
     ]
-    return _by_network(pd.Series(cells, index=gained.index))
+    return by_network(pd.Series(cells, index=gained.index))
 
 
 def times(table: pd.DataFrame) -> pd.DataFrame:
@@ -111,16 +111,6 @@ def times(table: pd.DataFrame) -> pd.DataFrame:
     )
     runs = spent.groupby([table.task, table.architecture, table.seed]).sum()
     mean = runs.groupby(level=[0, 1]).mean()
-    return _by_network(
+    return by_network(
         mean.processor.map("{:.0f}".format) + " (" + mean.wall.map("{:.0f}".format) + ")"
     )
-
-
-def _by_network(cells: pd.Series) -> pd.DataFrame:
-    """A table of networks by tasks from cells indexed by task and architecture."""
-    wide = cells.unstack("task")
-    wide = wide.reindex(
-        index=[n for n in NAMES if n in wide.index], columns=[t for t in ROBOTS if t in wide]
-    )
-    wide = wide.rename(index=NAMES).rename_axis(None, axis=1).rename_axis("network")
-    return wide.reset_index().fillna("–")

@@ -159,9 +159,9 @@ def scores(table: pd.DataFrame, robots: Sequence[str]) -> pd.DataFrame:
 
 
 def crossing(
-    search: Search, seed: int, *, robot: str = "HalfCheetah", worlds: int = 12, frames: int = 6
+    search: Search, seed: int, *, worlds: int = 12, frames: int = 6
 ) -> tuple[np.ndarray, HeightField, list[str]]:
-    """States of a gait's run across the terrain switch, evenly spaced along its way.
+    """States of a half-cheetah's run across the terrain switch, evenly spaced along its way.
 
     Of some worlds, that with the longest way is chosen.
 
@@ -170,7 +170,7 @@ def crossing(
     tuple
         Positions, shape ``(frames, nq)``; the ground; and a caption for each state.
     """
-    switch = TerrainSwitch(1.0, seed=seed)
+    robot, switch = "HalfCheetah", TerrainSwitch(1.0, seed=seed)
     batch = BatchTask(
         make_task(robot, termination="test"), worlds, seed=seed, perturbations=[switch]
     )

@@ -19,7 +19,7 @@ from thesis_lib.chapter5.cells import GROUPS, NETS, TEST_RUNS
 from thesis_lib.chapter5.contrasts import Config, comparisons
 from thesis_lib.chapter5.judging import Evidence, Said, ahead, both, difference, of_rows, pick
 from thesis_lib.chapter5.runs import CELL, plain
-from thesis_lib.edition.criteria import LEVEL, graded
+from thesis_lib.edition.criteria import LEVEL, exact, graded
 from thesis_lib.edition.experiment import Context, Experiment, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.robustness import CONDITIONS, TRAINED_ON
@@ -146,8 +146,8 @@ def same_table(short: pd.DataFrame, full: pd.DataFrame) -> Finding:
         f"{r.task} {r.trained_on}, {r.architecture}: {r.printed:.1f} and {r.printed_c:.1f}"
         for r in apart.itertuples()
     )
-    return Finding(
-        Verdict.REFUTED if len(apart) else Verdict.REPRODUCED,
+    return exact(
+        apart.empty,
         f"{len(apart)} of {len(pair)} cells differ{': ' + listed if listed else ''}.",
     )
 
@@ -160,12 +160,8 @@ def regular_test(base: pd.DataFrame, switch: pd.DataFrame) -> Finding:
         for t in (base, switch)
     ]
     ratio = both_tests[0] / both_tests[1]
-    if (ratio > 2).all():
-        verdict = Verdict.REFUTED
-    else:
-        verdict = Verdict.REPRODUCED if (ratio <= 1).all() else Verdict.NOT_REPRODUCED
     return Finding(
-        verdict,
+        graded((ratio <= 1).all(), denied=(ratio > 2).all()),
         f"Hill-trained swimmers earn {both_tests[0].min():.0f} to {both_tests[0].max():.0f} in the "
         f"regular test, {ratio.min():.1f} to {ratio.max():.1f} times what they earn where hills "
         "begin some way ahead. On hills from the start they would earn no more than there; the "

@@ -41,7 +41,7 @@ TEST_COLUMNS: Mapping[str, str] = {
     "intervention": "what was done to the net in the test: none, no memory, no previous action "
     "or input filter",
     "policy": "of a training run: last, or that of the best batch (best)",
-    "run": "number of the test run, from 0",
+    "test": "number of the test run, from 0",
     "return": "return of the test run",
 }
 """Columns of ``tests``, one row a test run of a policy; ``correlation`` and ``intervention`` may
@@ -174,7 +174,7 @@ class Runs:
         Returns
         -------
         pandas.DataFrame
-            Columns of :data:`TEST_COLUMNS` less ``run`` and ``policy``, ``return`` (mean over its
+            Columns of :data:`TEST_COLUMNS` less ``test`` and ``policy``, ``return`` (mean over its
             test runs), ``iterations``, ``batch_steps``.
         """
         keys = ["seed", "condition", "correlation", "intervention", "iterations", "batch_steps"]

@@ -10,12 +10,13 @@ import numpy as np
 import pandas as pd
 from scipy.stats import nct, t
 
+from thesis_lib.chapter5.cell_table import column
 from thesis_lib.chapter5.cells import LEARNING_RUNS, NETS
 from thesis_lib.chapter5.contrasts import Config
 from thesis_lib.chapter5.judging import Said, both, of_source
 from thesis_lib.chapter5.table_5_2 import entries
+from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.ledger import Verdict
 
 POWER = 0.8
 """Chance of finding a difference that counts as enough."""
@@ -91,16 +92,14 @@ def pairs(config: Config, context: Context) -> list[Pair]:
     """Seeds that table 5.2's rankings need, from printed and from our variances."""
     table = entries.run(config=config).table
     rows: list[Pair] = []
-    for source, value, error in (
-        ("printed", "printed", "printed_error"),
-        ("ours", "ours", "error"),
-    ):
+    for source in ("printed", "ours"):
         for _, row in table.groupby(["trained_on", "task"], sort=False):
-            rows += _pairs(source, row.set_index("architecture"), value, error)
+            rows += _pairs(source, row.set_index("architecture"))
     return rows
 
 
-def _pairs(source: str, row: pd.DataFrame, value: str, error: str) -> Iterator[Pair]:
+def _pairs(source: str, row: pd.DataFrame) -> Iterator[Pair]:
+    value, error, _ = column(source)
     if row[error].isna().any() or (row[error] == 0).any():
         row = row[row[error] > 0]  # runs that were cut short have no spread
         if len(row) < len(NETS) - 1:
@@ -133,10 +132,7 @@ def _pairs(source: str, row: pd.DataFrame, value: str, error: str) -> Iterator[P
 def five_seeds(rows: pd.DataFrame) -> Said:
     """Share of the pairs of nets that five seeds tell apart, and how many it takes."""
     enough = rows.power >= POWER
-    if enough.mean() > 0.5:
-        verdict = Verdict.REPRODUCED
-    else:
-        verdict = Verdict.NOT_REPRODUCED if enough.mean() > 0.25 else Verdict.REFUTED
+    verdict = graded(enough.mean() > 0.5, denied=enough.mean() <= 0.25)
     by_row = rows.drop_duplicates(["trained_on", "task"])
     share = by_row.between_nets / (by_row.between_nets + by_row.between_seeds)
     return verdict, (
