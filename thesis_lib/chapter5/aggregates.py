@@ -207,7 +207,7 @@ def across(table: pd.DataFrame, value: str, *measures: str) -> pd.DataFrame:
 def _cells(own: pd.DataFrame, value: str) -> list[str | None]:
     bounds = ["low", "high"] if value == "iqm" else ["better_low", "better_high"]
     rows = own[[value, *bounds]].itertuples(index=False)
-    return [None if np.isnan(v) else with_interval(v, *ends, ".2f") for v, *ends in rows]
+    return [None if np.isnan(v) else with_interval(v, a, b, ".2f") for v, a, b in rows]
 
 
 def reading(table: pd.DataFrame, *measures: str) -> str:

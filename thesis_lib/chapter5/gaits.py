@@ -132,7 +132,10 @@ def episodes(config: Config, context: Context) -> list[Episode]:
             return act(t)
 
         found = untrained.run_episodes(batch, watched, _steps(robot, config))
-        key, (length, distance) = (robot, NAME, index), (found["length"], found["distance"])
+        key, (length, distance) = (
+            (robot, NAME, index),
+            (found["length"].astype(int), found["distance"]),
+        )
         return _records(key, np.array(angles), length, distance, config.skip)
 
     def network(index: int) -> list[Episode]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -160,7 +161,11 @@ def draw(table: pd.DataFrame) -> Figure:
         ax.set_title(net, fontsize=9)
         if table.empty:
             ax.text(0.5, 0.5, "not run yet", transform=ax.transAxes, ha="center")
-        edge = {"transform": ax.get_yaxis_transform(), "clip_on": False, "ls": "none"}
+        edge: dict[str, Any] = {
+            "transform": ax.get_yaxis_transform(),
+            "clip_on": False,
+            "ls": "none",
+        }
         for ground, colour in zip(shown, COLOURS, strict=False):
             own = table[(table.architecture == net) & (table.trained_on == ground)]
             for _, run in own.groupby("seed"):

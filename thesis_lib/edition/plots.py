@@ -73,7 +73,13 @@ def use_style() -> None:
 
 
 def panels(
-    n: int, columns: int, height: float, margin: float = 0.0, **shared: bool
+    n: int,
+    columns: int,
+    height: float,
+    margin: float = 0.0,
+    *,
+    sharex: bool = False,
+    sharey: bool = False,
 ) -> tuple[Figure, list[Axes]]:
     """A figure as wide as the text with small panels side by side, row by row.
 
@@ -85,13 +91,15 @@ def panels(
         Panels in a row, at most.
     height, margin
         Inches of a row, and of what stands above and below all rows.
-    **shared
-        ``sharex`` and ``sharey``, as of :func:`matplotlib.pyplot.subplots`.
+    sharex, sharey
+        As of :func:`matplotlib.pyplot.subplots`.
     """
     columns = min(columns, n)
     rows = -(-n // columns)
     size = (7.2, margin + height * rows)
-    fig, grid = plt.subplots(rows, columns, figsize=size, squeeze=False, **shared)
+    fig, grid = plt.subplots(
+        rows, columns, figsize=size, squeeze=False, sharex=sharex, sharey=sharey
+    )
     for ax in grid.flat[n:]:
         ax.axis("off")
     return fig, list(grid.flat[:n])

@@ -53,7 +53,7 @@ import numpy as np
 
 from thesis_lib.arrays import FloatArray, IntArray
 from thesis_lib.checks import one_of
-from thesis_lib.relevance.cells import FeatureCells, ground, keep
+from thesis_lib.relevance.cells import Cells, FeatureCells, ground, keep
 from thesis_lib.relevance.estimators import LEFT, compare
 from thesis_lib.relevance.solutions import Solutions
 from thesis_lib.selection.base import (
@@ -107,7 +107,7 @@ def left_out(
     return float(((a - b * c) * step).sum()) / n, float((b * step * step).sum()) / n
 
 
-def _others(cells: FeatureCells) -> tuple[FloatArray, np.ndarray]:
+def _others(cells: Cells) -> tuple[FloatArray, np.ndarray]:
     """Mean of a cell over the other tasks, and whether they visit it, each ``(n, G)``."""
     b = np.broadcast_to(cells.b, cells.a.shape)
     total = b.sum(axis=0)
