@@ -297,7 +297,7 @@ def _pairs(table: pd.DataFrame) -> Iterator[tuple[str, Summary, Summary]]:
 @criterion("5.7-hyperparameters", readings)
 def settings_matter(table: pd.DataFrame) -> Finding:
     """Readings of one net that differ in one setting, tested where both have seeds enough."""
-    pairs = list(_pairs(table))
+    pairs = sorted(_pairs(table), key=lambda pair: -min(pair[1].n, pair[2].n))
     many = np.array([min(a.n, b.n) >= FEWEST for _, a, b in pairs], dtype=bool)
     tested = [(a, b) for (_, a, b), enough in zip(pairs, many, strict=True) if enough]
     p = np.full(len(pairs), np.nan)
@@ -313,9 +313,9 @@ def settings_matter(table: pd.DataFrame) -> Finding:
     sure, none = int((p < LEVEL).sum()), bool(alike) and all(alike)
     return Finding(
         graded(sure, otherwise=Verdict.NOT_REPRODUCED if none else Verdict.INCONCLUSIVE),
-        f"{len(pairs)} pairs of readings differ in one setting; {len(tested)} of them have "
-        f"{FEWEST} seeds or more each, and {sure} of these differ significantly in the mean return "
-        f"of the first hundred iterations (Welch, Holm): {'; '.join(told)}.",
+        f"Pairs of readings that differ in one setting: {len(pairs)}, with {FEWEST} seeds or more "
+        f"each {len(tested)}, and significantly different of these {sure} (mean return of the "
+        f"first hundred iterations, Welch, Holm). {'; '.join(told)}.",
         {"significant": float(sure), "tested": float(len(tested))},
     )
 
