@@ -7,6 +7,8 @@ after a hundred.  Only flat ground decides, so that hills and tests stay a predi
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,15 +17,29 @@ import pandas as pd
 
 from thesis_lib.chapter5.cells import NETS, as_published
 from thesis_lib.checkout import repository_root
+from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion, effect_of
 from thesis_lib.edition.words import several
 from thesis_lib.published import TASKS
+from thesis_lib.stats import Summary, equivalence, holm, welch
 from thesis_lib.training.config import NARROWED, TrainConfig, head_scale, sensors, step_size
+from thesis_lib.training.curves import MARGIN
 from thesis_lib.training.trained import LAST
 
 SETTINGS = ("task", "architecture", "sensors", "time_constant", "head_scale", "delta_kl")
 """What tells the runs of a row from others, seeds apart."""
+
+APART = {
+    "sensors": "sensors",
+    "time_constant": "time constants [s]",
+    "head_scale": "output ×",
+    "delta_kl": "δ",
+}
+"""The settings of these in which readings of one net on one robot differ, for a sentence."""
+
+FEWEST = 3
+"""Seeds of a reading from which on it is tested against another."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +74,8 @@ class Reading:
     """The same of the seed that earned least."""
     highest: float
     """The same of the seed that earned most."""
+    sd: float
+    """Standard deviation of the same over seeds; none with one."""
     last_return: float
     """Mean return of the last five of them, mean over seeds."""
     n_runs: int
@@ -91,6 +109,7 @@ def readings(config: Config, context: Context) -> list[Reading]:
                 mean_return=float(means.mean()),
                 lowest=float(means.min()),
                 highest=float(means.max()),
+                sd=float(means.std()),
                 last_return=float(runs.tail(LAST).to_numpy().mean()),
                 n_runs=runs.shape[1],
                 printed_mean=float(cell.value),
@@ -258,6 +277,46 @@ def text_subset_learns(table: pd.DataFrame) -> Finding:
         f"code ({text.n_runs} and {code.n_runs} runs); table 5.2 prints {text.printed_mean:.0f} ± "
         f"{text.printed_se:.0f} over five hundred.",
         {"text": float(text.last_return), "code": float(code.last_return)},
+    )
+
+
+def _pairs(table: pd.DataFrame) -> Iterator[tuple[str, Summary, Summary]]:
+    """Readings of a net on a robot that differ in one setting, each of two seeds or more."""
+    several = table[table.n_runs > 1].fillna({"time_constant": 0})
+    for (task, net), own in several.groupby(["task", "architecture"], sort=False):
+        for (_, a), (_, b) in itertools.combinations(own.iterrows(), 2):
+            apart = [name for name in APART if a[name] != b[name]]
+            if len(apart) == 1:
+                (name,) = apart
+                first, second = (r[name] if name == "sensors" else f"{r[name]:g}" for r in (a, b))
+                called = f"{net.upper()} ({task}), {APART[name]} {first} and {second}"
+                one, other = (Summary(r.mean_return, r.sd, int(r.n_runs)) for r in (a, b))
+                yield called, one, other
+
+
+@criterion("5.7-hyperparameters", readings)
+def settings_matter(table: pd.DataFrame) -> Finding:
+    """Readings of one net that differ in one setting, tested where both have seeds enough."""
+    pairs = sorted(_pairs(table), key=lambda pair: -min(pair[1].n, pair[2].n))
+    many = np.array([min(a.n, b.n) >= FEWEST for _, a, b in pairs], dtype=bool)
+    tested = [(a, b) for (_, a, b), enough in zip(pairs, many, strict=True) if enough]
+    p = np.full(len(pairs), np.nan)
+    p[many] = holm([welch(a, b).p_value for a, b in tested])
+    told = [
+        f"{name}: {a.mean:.0f} and {b.mean:.0f} ({a.n} and {b.n} seeds"
+        f"{'' if np.isnan(q) else f', p = {q:.2g}'})"
+        for (name, a, b), q in zip(pairs, p, strict=True)
+    ]
+    alike = [
+        equivalence(a, b, MARGIN * max(abs(a.mean), abs(b.mean))).p_value < LEVEL for a, b in tested
+    ]
+    sure, none = int((p < LEVEL).sum()), bool(alike) and all(alike)
+    return Finding(
+        graded(sure, otherwise=Verdict.NOT_REPRODUCED if none else Verdict.INCONCLUSIVE),
+        f"Pairs of readings that differ in one setting: {len(pairs)}, with {FEWEST} seeds or more "
+        f"each {len(tested)}, and significantly different of these {sure} (mean return of the "
+        f"first hundred iterations, Welch, Holm). {'; '.join(told)}.",
+        {"significant": float(sure), "tested": float(len(tested))},
     )
 
 
