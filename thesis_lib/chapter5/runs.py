@@ -219,7 +219,8 @@ def read_runs(folder: Path | str | None = None) -> Runs:
 
 def _check_tested_alike(root: Path) -> None:
     """Raise ValueError where records of tests (``tests.json``) differ in their conditions."""
-    records = {path: json.loads(path.read_text()) for path in sorted(root.glob("**/tests.json"))}
+    files = sorted(root.glob("**/tests.json"))
+    records = {path: json.loads(path.read_text(encoding="utf-8")) for path in files}
     known = {path: made["config"] for path, made in records.items() if "config" in made}
     for name in TESTED_ALIKE:
         given = {path: config[name] for path, config in known.items() if name in config}
