@@ -1,21 +1,23 @@
 """Pilots behind the settings that the thesis does not print (section 5.2 and table 5.1).
 
 Each run varies one unprinted setting at the printed batch of 50,000 steps, on flat ground.
-``python benchmarks/calibration.py`` trains those that are missing, some eight core-hours on one
-slow core, and writes ``results/calibration``; ``--read FOLDER`` only writes what a folder of runs
-holds.  Chapter 5's calibration table is made from it.
+``python benchmarks/calibration.py`` trains those that ``results/calibration`` does not have, and
+adds them; ``--read FOLDER`` only adds what a folder of runs holds.  With an empty
+``results/calibration`` it trains all, some eight hours on one slow core.  Chapter 5's calibration
+table is made from it.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from thesis_lib.edition.experiment import read_csv
 from thesis_lib.files import replacing
 from thesis_lib.training.config import TrainConfig, differences, sensors, settled
 from thesis_lib.training.sweep import sweep
@@ -37,6 +39,10 @@ COLUMNS = {
 }
 
 
+SETTINGS = tuple(name for name in COLUMNS if name not in ("iteration", "steps", "mean_return"))
+"""The columns that tell runs apart."""
+
+
 def pilots() -> Iterator[TrainConfig]:
     """All runs, those that decide most first."""
     cheetah: dict[str, Any] = {"task": "HalfCheetah", "iterations": ITERATIONS}
@@ -46,7 +52,12 @@ def pilots() -> Iterator[TrainConfig]:
     for seed in (0, 1):
         for tau in (0.1, 0.3):
             yield TrainConfig(**cheetah, architecture="ctrnn", time_constant=tau, seed=seed)
-    for net, seeds in {"ffwd": 2, "gru": 3, "lstm": 2, "dtrnn": 1, "esn": 1}.items():
+    for features in ("text", "code"):
+        yield TrainConfig(**hopper, architecture="dtrnn", features=features, seed=1)
+    for seed in (0, 1):
+        for tau in (1.0, 0.03):
+            yield TrainConfig(**cheetah, architecture="ctrnn", time_constant=tau, seed=seed)
+    for net, seeds in {"ffwd": 2, "gru": 3, "lstm": 2, "dtrnn": 2, "esn": 2}.items():
         for seed in range(seeds):
             for scale in (1.0, 0.1):
                 yield TrainConfig(**cheetah, architecture=net, head_scale=scale, seed=seed)
@@ -59,9 +70,8 @@ def pilots() -> Iterator[TrainConfig]:
     yield TrainConfig(**hopper, architecture="ctrnn", features="code", time_constant=0.1)
 
 
-def stated(record: dict[str, Any]) -> dict[str, Any]:
-    """The settings of a run that tell the rows of the table apart, from its ``run.json``."""
-    config = TrainConfig(**record["config"])
+def stated(config: TrainConfig, record: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings of a run that tell it apart; ``record`` has what its defaults came to."""
     return {
         "task": config.task,
         "architecture": config.architecture,
@@ -73,18 +83,37 @@ def stated(record: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+Run = tuple[dict[str, Any], pd.DataFrame, dict[str, Any]]
+"""What tells it apart, its curve and its provenance."""
+
+
+def committed() -> dict[str, Run]:
+    """The runs that :data:`OUT` has, by their settings as JSON."""
+    if not (OUT / "curves.json").is_file():
+        return {}
+    about = json.loads((OUT / "curves.json").read_text(encoding="utf-8"))
+    table = read_csv(OUT / "curves.csv")
+    runs, first = {}, 0
+    for provenance in about["runs"]:
+        settings = {name: provenance[name] for name in SETTINGS}
+        curve = table.iloc[first : first + provenance["iterations"]]
+        runs[json.dumps(settings)] = (settings, curve, provenance)
+        first += len(curve)
+    return runs
+
+
 def write(folders: list[Path]) -> None:
-    """Write the curves and the provenance of every run that the folders hold, longest first."""
-    runs: dict[str, tuple[dict[str, Any], pd.DataFrame, dict[str, Any]]] = {}
+    """Add the runs that the folders hold, with their provenance; of two alike the longer stays."""
+    runs = committed()
     for path in sorted(p for f in folders for p in f.glob("*/run.json")):
         record = json.loads(path.read_text(encoding="utf-8"))
         curve = pd.read_csv(path.parent / "curve.csv")
         curve = curve[curve.iteration <= ITERATIONS]
-        settings = stated(record)
+        settings = stated(TrainConfig(**record["config"]), record)
         named = ("task", "architecture", "seed", "features", "time_constant")
         shown = {name: record["config"][name] for name in named}
         shown |= {name: settings[name] for name in ("head_scale", "delta_kl")}
-        if settings["task"] == "Swimmer" or differences(record, TrainConfig(**shown)):
+        if differences(record, TrainConfig(**shown)):
             continue  # the table has no column that tells these apart
         provenance = {
             **settings,
@@ -122,7 +151,9 @@ def main() -> None:
     asked = parser.parse_args()
     if not asked.read:
         folder = Path("_build/runs/calibration")
-        sweep(list(pilots()), folder, workers=asked.workers)
+        done = committed()
+        missing = [c for c in pilots() if json.dumps(stated(c, settled(c))) not in done]
+        sweep(missing, folder, workers=asked.workers)
         asked.read = [folder]
     write(asked.read)
 
