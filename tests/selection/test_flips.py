@@ -1,14 +1,15 @@
-"""Selection by flipped signs, by hand, by the slow definition and by how often noise passes."""
+"""Selection by flipped signs and rotations: by hand, by exact laws, by how often noise passes."""
 
 from itertools import product
 
 import numpy as np
 import pytest
+from scipy.stats import f as fisher
 
 from tests.selection.examples import planted
 from thesis_lib.relevance import Solutions, estimate, ground, remove
-from thesis_lib.selection import SignFlips
-from thesis_lib.selection.flips import MOST, contributions, sign_choices
+from thesis_lib.selection import JackknifeF, SignFlips
+from thesis_lib.selection.flips import MOST, contributions, rotations, sign_choices
 
 
 def one_feature(effects: list[float]) -> Solutions:
@@ -52,3 +53,35 @@ def test_symmetric_noise_passes_no_more_often_than_the_level_says(noise: str, n:
     runs = 400
     kept = sum(SignFlips().fit(planted(rng, n, noise=noise)).support_[1] for _ in range(runs))
     assert kept / runs < 0.05 + 3 * np.sqrt(0.05 * 0.95 / runs)
+
+
+@pytest.mark.parametrize("n", [2, 4, 9])
+def test_rotations_of_one_direction_are_student_s_test(n: int) -> None:
+    """F = (n - 1) s / (1 - s) has the law of t^2 with n - 1 degrees of freedom."""
+    effects = list(np.random.default_rng(n).normal(size=n))
+    check = SignFlips(turn="rotations").fit(one_feature(effects)).history_[0].checks[0]
+    expected = fisher.cdf((n - 1) * check.threshold / (1 - check.threshold), 1, n - 1)
+    # Three standard errors of a share of as many draws.
+    assert expected == pytest.approx(0.95, abs=3 * np.sqrt(0.05 * 0.95 / MOST))
+    turned = rotations(n)
+    assert (turned[0] == 1).all()
+    assert (turned**2).sum(axis=1) == pytest.approx(np.full(MOST, n))
+
+
+@pytest.mark.parametrize("n", [4, 8])
+def test_rotations_hold_their_level_whatever_the_directions(n: int) -> None:
+    """With five directions the F-test's bound keeps too few, and the rotations as many as said."""
+    rng = np.random.default_rng(6)
+    runs, counts = 600, np.zeros(2)
+    for _ in range(runs):
+        solutions = planted(rng, n, levels=6)
+        for i, test in enumerate((SignFlips(turn="rotations"), JackknifeF())):
+            counts[i] += test.fit(solutions).support_[1]
+    turned, bound = counts / runs
+    assert turned == pytest.approx(0.05, abs=3 * np.sqrt(0.05 * 0.95 / runs))
+    assert bound < turned
+
+
+def test_turns_that_do_not_exist() -> None:
+    with pytest.raises(ValueError, match="turn 'shuffles' does not exist: choose one of signs"):
+        SignFlips(turn="shuffles").fit(one_feature([1, 2, 3]))  # type: ignore[arg-type]

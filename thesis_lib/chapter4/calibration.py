@@ -1,4 +1,8 @@
-"""Whether the jackknife F-test holds its level, and what power it has."""
+"""Whether the jackknife F-test holds its level, and what power it has.
+
+Beside its two null laws stands the rotation test, exact for this Gaussian scatter where tasks
+share p(x|m), whatever the number of values.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +20,9 @@ from scipy.stats import binomtest
 from thesis_lib.chapter4.random_solutions import planted_solutions
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.plots import COLOURS, PRINTED
-from thesis_lib.selection import JackknifeF
+from thesis_lib.selection import JackknifeF, SignFlips
 
-Null = Literal["t2", "box"]
+Null = Literal["t2", "box", "rotations"]
 
 
 @dataclass(frozen=True)
@@ -42,7 +46,7 @@ class Kept:
     """How often one feature is kept at one point."""
 
     null: str
-    """Null law: t2, the default, or box."""
+    """Null law: t2, the default, box, or rotations of the tasks' contributions."""
     shared: bool
     """Whether tasks share p(x|m)."""
     levels: int
@@ -83,7 +87,9 @@ def kept(config: Config, context: Context) -> list[Kept]:
         for rng in map(np.random.default_rng, seeds):
             solutions = planted_solutions(rng, n, effect, levels=levels, shared=shared)
             for i, alpha in enumerate(config.alphas):
-                counts[i] += JackknifeF(alpha, null=null).fit(solutions).support_
+                turned = SignFlips(alpha, "rotations")
+                test = turned if null == "rotations" else JackknifeF(alpha, null=null)
+                counts[i] += test.fit(solutions).support_
         records = []
         for alpha, own in zip(config.alphas, counts.tolist(), strict=True):
             for feature, count in zip(("relevant", "irrelevant"), own, strict=True):
@@ -92,13 +98,13 @@ def kept(config: Config, context: Context) -> list[Kept]:
                 records.append(Kept(null, shared, levels, effect, alpha, n, feature, *share))
         return records
 
-    nulls: tuple[Null, ...] = ("t2", "box")
+    nulls: tuple[Null, ...] = ("t2", "box", "rotations")
     jobs = [
         (null, shared, levels, effect, n)
         for null, shared, levels, effect, n in product(
             nulls, (True, False), config.levels, config.effects, config.tasks_seen
         )
-        # The second null law is shown where it differs, and power once.
+        # The other null laws are shown where they differ, and power once.
         if (effect == config.effects[-1] or (shared and levels == 2 and null == "t2"))
     ]
     return [row for part in context.map(one, jobs, "calibration") for row in part]
@@ -117,10 +123,14 @@ def figure(table: pd.DataFrame, alpha: float) -> Figure:
     fig, axes = plt.subplots(1, len(panels) + 1, figsize=(7.2, 3.4), squeeze=False)
     for ax, (levels, own) in zip(axes.flat, panels, strict=False):
         for j, ((law, shared), line) in enumerate(own.groupby(["null", "shared"])):
-            look = {"color": COLOURS[int(shared)], "ls": {"t2": "-", "box": "--"}[law], "lw": 1}
+            look = {
+                "color": COLOURS[int(shared)],
+                "ls": {"t2": "-", "box": "--", "rotations": ":"}[law],
+                "lw": 1,
+            }
             label = f"{law}, {'shared' if shared else 'own'} p"
             # Side by side, so that the intervals can be told apart.
-            _with_interval(ax, line, 0.2 * (j - 1.5), label=label, **look)
+            _with_interval(ax, line, 0.13 * (j - 2.5), label=label, **look)
         ax.axhline(alpha, color=PRINTED, lw=1)
         ax.set_title(f"irrelevant, {levels} values", fontsize=9)
         ax.set_ylim(0, 1.05 * null.high.max())

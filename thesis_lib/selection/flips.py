@@ -1,4 +1,4 @@
-r"""Selection by flipped signs: the F-ratio beside itself on tasks whose contributions change sign.
+r"""Selection by flipped signs or rotations: the F-ratio beside itself on tasks that are turned.
 
 With :math:`Z_i` the contribution of task i to an increment of relevance
 (:mod:`thesis_lib.selection.jackknife`), F grows with :math:`s = |\sum_i Z_i|^2 / n\sum_i |Z_i|^2`,
@@ -8,34 +8,45 @@ about 0, all choices of signs are equally likely given the rest, so that s is ab
 exactly, for any symmetric scatter and any n**.  A choice and its opposite give the same s: where
 :math:`2^{1-n} > \alpha`, up to five tasks at 5%, no feature is kept.  Where tasks do not share
 p(x|m), :math:`Z_i` is their deviation from the mean of the coarser cell, to first order.
+
+*Rotations.*  If the :math:`Z_i` are Gaussian with one covariance matrix and mean 0, s has the same
+law as :math:`|\sum_i u_i Z_i|^2 / \sum_i |Z_i|^2` with u uniform on the unit sphere (the
+rotation test of Langsrud 2005): again the level is held exactly, **however many directions the
+scatter has**, and from two tasks on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import product
+from typing import Literal, get_args
 
 import numpy as np
 
 from thesis_lib.arrays import FloatArray
+from thesis_lib.checks import one_of
 from thesis_lib.relevance.cells import Cells, FeatureCells
 from thesis_lib.relevance.estimators import compare, inner_products
 from thesis_lib.selection.base import BackwardElimination, Call, Check, KeepForGood, Test, Verdict
 from thesis_lib.selection.fitting import Alpha, check_alpha
 from thesis_lib.selection.prediction import coarser_cell
 
+Turn = Literal["signs", "rotations"]
+
 MOST = 1024
-"""Choices of signs that are tried: all up to eleven tasks, then drawn ones, over whose draw the
-level is exact."""
+"""Turns that are tried: all signs up to eleven tasks, else drawn ones, over whose draw the level
+is exact."""
 
 
 class SignFlips(BackwardElimination):
-    """Backward elimination by a test that is exact for symmetric scatter.
+    """Backward elimination by a test that is exact for symmetric, or for Gaussian scatter.
 
     Parameters
     ----------
     alpha
         Probability in (0, 1) that an irrelevant feature passes one test, or a function of n.
+    turn
+        ``"signs"``, exact for scatter symmetric about 0, or ``"rotations"``, for Gaussian scatter.
 
     Notes
     -----
@@ -45,12 +56,14 @@ class SignFlips(BackwardElimination):
     min_tasks = 2
     keep_for_good: KeepForGood = "never"
 
-    def __init__(self, alpha: Alpha = 0.05) -> None:
+    def __init__(self, alpha: Alpha = 0.05, turn: Turn = "signs") -> None:
         self.alpha = alpha
+        self.turn = turn
 
     def _test(self, call: Call) -> Test:
         n = call.solutions.n_tasks
-        signs = sign_choices(n)
+        turns = {"signs": sign_choices, "rotations": rotations}
+        signs = turns[one_of("turn", self.turn, get_args(Turn))](n)
         above = int(check_alpha(self.alpha, n) * len(signs))
 
         def test(cells: FeatureCells, candidates: list[int]) -> Iterable[Check]:
@@ -60,7 +73,7 @@ class SignFlips(BackwardElimination):
                 # At most so many lie above it; equal ones differ by rounding alone.
                 limit = float(np.sort(s)[-1 - above]) * (1 + 1e-9)
                 kept = result.observed > call.zero and s[0] > limit
-                reason = f"{'few' if kept else 'many'} signs of the tasks' parts give as much"
+                reason = f"{'few' if kept else 'many'} {self.turn} of the tasks' parts give as much"
                 verdict: Verdict = "keep" if kept else "remove"
                 yield Check(feature, verdict, result.domain, float(s[0]), limit, reason)
 
@@ -77,6 +90,14 @@ def sign_choices(n: int) -> FloatArray:
     signs = np.random.default_rng(n).choice([1.0, -1.0], size=(MOST, n))
     signs[0] = 1.0
     return signs
+
+
+def rotations(n: int) -> FloatArray:
+    """Vectors of squared length n in n directions, shape ``(MOST, n)``; first all ones."""
+    turned = np.random.default_rng(n).normal(size=(MOST, n))
+    turned *= np.sqrt(n) / np.linalg.norm(turned, axis=1, keepdims=True)
+    turned[0] = 1.0
+    return turned
 
 
 def contributions(finer: FeatureCells, feature: int) -> FloatArray:
