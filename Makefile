@@ -16,7 +16,7 @@ help:  ## list the targets
 book: setup  ## execute what changed and build the book into _build/html
 	@$(RUN) thesis_lib.cli book
 
-smoke: setup  ## the same at the smoke budget, as CI does, into _build/html-smoke
+smoke: setup  ## the same at the smoke budget, as the tests do, into _build/html-smoke
 	@$(RUN) thesis_lib.cli book --budget smoke
 
 pdf: book  ## the built book as one file, _build/book.pdf (needs Chromium)

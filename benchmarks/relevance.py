@@ -28,7 +28,8 @@ import numpy as np
 
 from thesis_lib.domains import stock, triangle
 from thesis_lib.mdp import solve
-from thesis_lib.relevance import Solutions, feature_k_relevance, remove
+from thesis_lib.relevance import Solutions, ground, remove
+from thesis_lib.relevance.exact import explained, explained_combinations
 from thesis_lib.selection import FSTEK, JackknifeF, bkr
 
 MAX_SEQS = 100
@@ -102,7 +103,10 @@ def against_algorithm_8(name: str, domain_solutions: Solutions, repeats: int) ->
     def exact() -> np.ndarray:
         # A new object, so that nothing computed before is used again.
         fresh = domain_solutions.take(lengths - 1)
-        return feature_k_relevance(fresh, lengths, replacement=False)
+        pairs = ground(fresh)
+        kept = explained_combinations(pairs, lengths)
+        parts = [pairs.drop(f) for f in range(fresh.n_features)]
+        return np.array([kept - explained_combinations(cells, lengths) for cells in parts])
 
     def sampled(seed: int = 0) -> np.ndarray:
         rng = np.random.default_rng(seed)
@@ -148,7 +152,15 @@ def growth(repeats: int) -> list[Row]:
 
     def exact(solutions: Solutions) -> Callable[[], object]:
         tasks = np.arange(solutions.n_tasks)
-        return lambda: feature_k_relevance(solutions.take(tasks), lengths)
+        D = np.full(len(tasks), 1 / len(tasks))
+
+        def every_feature() -> list[np.ndarray]:
+            pairs = ground(solutions.take(tasks))
+            kept = explained(pairs, lengths, D)
+            parts = range(solutions.n_features)
+            return [kept - explained(pairs.drop(f), lengths, D) for f in parts]
+
+        return every_feature
 
     def printed(solutions: Solutions, max_seqs: int = 20) -> Callable[[], object]:
         rng = np.random.default_rng(0)

@@ -4,6 +4,7 @@ import ast
 import ctypes
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -149,6 +150,17 @@ def test_an_interruption_in_a_callback_of_a_compiled_library_is_not_lost(
 def test_claims_without_their_tables_name_the_command(tmp_path, capsys):
     assert cli.main(["claims", "3.4.3-caption", "--results", str(tmp_path)]) == 2
     assert "make it with `thesis run figure-3.3" in capsys.readouterr().err
+
+
+def test_claims_without_a_book_tell_the_committed_verdicts(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("THESIS_RESULTS", str(tmp_path))
+    rows = pd.read_csv(ROOT / "results" / "claims" / "verdicts.csv")
+    verdict = rows[rows.claim == "3.4.3-caption"].verdict.mode()[0].upper()
+    assert cli.main(["claims", "3.4.3-caption"]) == 0
+    told = capsys.readouterr().out
+    assert re.search(rf"3.4.3-caption  \[Figure 3.3\]  {verdict} \(.*, as committed\)", told)
+    assert f"make it with `thesis run figure-3.3 --out {tmp_path}`" in told
+    assert "1 claims, 1 of them without results in" in told
 
 
 def test_claims_prints_the_ledger(tmp_path, capsys):

@@ -17,9 +17,9 @@ MODULES = sorted(
 )
 
 MOST_USED = (
-    *("mdp.TabularMDP", "mdp.solve", "mdp.start_value", "mdp.learn", "mdp.simulate"),
+    *("mdp.TabularMDP", "mdp.solve", "mdp.start_value", "mdp.learn"),
     *("domains.continuing_cliff", "domains.triangle.triangle", "domains.stock.stock"),
-    *("potentials.q_star", "potentials.q_tilde", "potentials.look_ahead_advice"),
+    *("potentials.q_star", "potentials.q_tilde"),
     *("relevance.Solutions.from_domain", "relevance.k_relevance", "relevance.domain_relevance"),
     *("selection.FSTEK", "selection.JackknifeF", "selection.LeaveOneTaskOut"),
     *("policies.make_policy", "locomotion.make_task", "locomotion.BatchTask"),

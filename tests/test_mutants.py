@@ -28,7 +28,7 @@ def test_it_changes_one_place_and_names_what_must_notice(mutant) -> None:
 
 
 def test_every_mutant_of_the_committed_table_is_noticed() -> None:
-    """By a test, and by a verdict or a reason why no claim depends on it."""
+    """By a test, and by a verdict that moves or a reason why no claim depends on it."""
     table = saved("mutants/mutants").table
     known = {mutant.name: mutant for mutant in MUTANTS}
     assert set(table.mutant) == set(known)
@@ -36,7 +36,7 @@ def test_every_mutant_of_the_committed_table_is_noticed() -> None:
     for row in table.itertuples():
         mutant = known[row.mutant]
         assert row.file == mutant.file
-        assert row.moved + row.stopped > 0 or (row.reason == mutant.reason != "")
+        assert row.moved > 0 or (row.reason == mutant.reason != "")
         errors = str(row.verdicts).count("-> error")
         assert row.stopped == errors, "what stops with an error has moved no verdict"
         assert row.moved <= len(mutant.claims[1:]) - errors

@@ -1,5 +1,6 @@
 """Environments by id, and what an installed package adds to the library by its entry points."""
 
+import os
 import subprocess
 import sys
 from importlib.resources import files
@@ -13,11 +14,16 @@ from thesis_lib import cli, registration
 from thesis_lib.domains import environments
 from thesis_lib.locomotion import BatchTask, robots
 from thesis_lib.locomotion.rendering import View, film, portrait
+from thesis_lib.locomotion.terrain import hill_maps
 from thesis_lib.policies import make_policy
 from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.disturbances import parse_perturbation
+from thesis_lib.training.evaluation import EvaluateConfig, evaluation_task
+from thesis_lib.training.grid import run_name
 from thesis_lib.training.run import Training
+from thesis_lib.training.train import default_directory
 
+ROOT = Path(__file__).parents[1]
 PACKAGE = """
 from dataclasses import dataclass, replace
 from thesis_lib.domains import Domain, triangle
@@ -134,6 +140,36 @@ def test_what_is_built_in_keeps_its_name(package):
     assert make_policy("ffwd", 4, 2, dt=0.1).n_trainable == 4 * 6 + 6 + 6 * 2 + 2 + 2
 
 
+CLASHES = """
+[thesis_lib.domains]
+Hopper = my_package:two_triangles
+Heat = my_package:two_triangles
+two words = my_package:two_triangles
+TwoTriangles = my_package:others
+[thesis_lib.robots]
+AntHill = my_package:POGO
+"""
+TELL = """
+import gymnasium, thesis_lib
+for name in ("Hopper", "Heat", "AntHill", "TwoTriangles"):
+    spec = gymnasium.spec(f"thesis/{name}-v0")
+    print(spec.entry_point.rpartition(":")[2], *spec.kwargs.values())
+"""
+
+
+def test_no_package_takes_an_id_or_keeps_the_library_from_being_imported(package):
+    install(package, "other", CLASHES)
+    paths = {"PYTHONPATH": f"{package}{os.pathsep}{ROOT}"}
+    done = subprocess.run(
+        [sys.executable, "-c", TELL], capture_output=True, text=True, env={**os.environ, **paths}
+    )
+    told = ["LocomotionEnv Hopper", "HeatEnv", "LocomotionEnv Ant 0.5", "make TwoTriangles"]
+    assert done.stdout.splitlines() == told, done.stderr
+    assert "domain 'two words' gets no id in Gymnasium" in done.stderr
+    with pytest.raises(ValueError, match=r"domain 'TwoTriangles' is offered as .* and as "):
+        gymnasium.make("thesis/TwoTriangles-v0", task=1)
+
+
 def test_a_perturbation_of_ones_own(package):
     wind = parse_perturbation("Tailwind(newton=30.0)")
     pushed, left = (BatchTask("Hopper", 1, perturbations=p) for p in ((wind,), ()))
@@ -193,3 +229,48 @@ def test_a_package_s_robot_and_network_are_trained(package):
         ValueError, match="architecture 'square' does not exist: choose one of ffwd"
     ):
         TrainConfig("Pogo", architecture="square")
+
+
+def test_a_package_s_robot_has_no_hills_and_may_be_lent_some(package, capsys):
+    told = "there are no hills for robot 'Pogo', only for Swimmer, Hopper"
+    assert cli.main(["train", "--task", "Pogo", "--terrain", "hill"]) == 2
+    assert told in capsys.readouterr().err
+    for way in ({"terrain": "hill"}, {"perturbations": ("TerrainSwitch()",)}):
+        with pytest.raises(ValueError, match=told):
+            evaluation_task("Pogo", EvaluateConfig(runs=2, **way))
+    lent = BatchTask("Pogo", 2, terrain=hill_maps(2, 0.5, 0, robot="Hopper"))
+    assert np.isfinite(lent.reset()).all()
+
+
+MINE = """
+import gymnasium
+gymnasium.register("Mine-v0", entry_point="gymnasium.envs.classic_control:PendulumEnv")
+"""
+
+
+def test_an_environment_that_a_package_registers_is_trained(tmp_path, monkeypatch, capsys):
+    (tmp_path / "my_envs.py").write_text(MINE)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    short = ["--horizon", "20", "--batch-steps", "40", "--iterations", "1"]
+    run = tmp_path / "run"
+    train = ["train", "--task", "my_envs:Mine-v0", *short, "--out", str(run)]
+    try:
+        assert cli.main(train) == 0
+        config = TrainConfig("my_envs:Mine-v0")
+        assert default_directory(config).name == "my_envs-mine-v0-flat-dtrnn-0"
+        assert run_name(config) == "my_envs-mine-v0-flat-dtrnn-0-float32"
+        capsys.readouterr()
+        assert cli.main(["evaluate", str(run), "--runs", "2", "--steps", "9"]) == 0
+        told = capsys.readouterr().out
+        assert told.startswith("dtrnn on my_envs:Mine-v0, trained for 1 iterations\n")
+    finally:
+        gymnasium.registry.pop("Mine-v0")
+        sys.modules.pop("my_envs")
+    for name, reason in (
+        ("no_envs:Mine-v0", "is of 'no_envs', which can't be imported"),
+        ("json:Mine-v0", "does not exist: choose one of"),
+        (":Mine-v0", "is of '', which can't be imported"),
+    ):
+        with pytest.raises(ValueError, match=f"task '{name}' {reason}"):
+            TrainConfig(name)
+    assert TrainConfig("thesis_lib:thesis/Hopper-v0").task == "thesis_lib:thesis/Hopper-v0"

@@ -95,6 +95,16 @@ def test_equivalence_needs_a_margin():
         stats.equivalence([1, 2], [1, 2], margin=0)
 
 
+def test_power_of_intervals_beside_a_margin_by_hand():
+    """Half of the samples lie to one side; within twice a half-width lie 95% at 95%."""
+    assert stats.least_power(1.0, 1.0) == pytest.approx(0.0)
+    assert stats.least_power(1.0, 1.0, sides=1) == pytest.approx(0.5)
+    assert stats.least_power(2.0, 1.0) == pytest.approx(0.95)
+    assert stats.least_power(2.0, 1.0, 0.9, sides=1) == pytest.approx(0.95)
+    assert stats.least_power([2.0, 0.5, 9.0], [1.0, 1.0, 0.0]) == 0.0  # the least of them
+    assert stats.least_power([1.0, 0.0], 0.0) == 1.0  # nothing varies
+
+
 def test_holm_by_hand():
     # sorted .01 .02 .03 .04 times 4 3 2 1 = .04 .06 .06 .04, made monotone: .04 .06 .06 .06
     adjusted = stats.holm([0.04, 0.01, 0.03, 0.02])

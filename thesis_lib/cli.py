@@ -32,7 +32,10 @@ Budget = Annotated[str, tyro.conf.arg(metavar="{" + ",".join(BUDGETS) + "}")]
 
 @dataclass(frozen=True)
 class List:
-    """List every experiment: id, seconds at the book budget on one core, what it measures."""
+    """List every experiment: id, seconds at the book budget on one core, what it measures.
+
+    ``thesis run`` takes about 4 seconds more, for its imports.
+    """
 
     def __call__(self) -> int:
         """Print the list, in lines of at most 100 columns."""
@@ -121,6 +124,7 @@ class Run:
 class Claims:
     """Judge the thesis's claims on saved results, or over seeds, and print the ledger.
 
+    A claim without results is told with the committed verdict over seeds.
     With ``--seeds 10`` each claim is judged on 10 independent roots, whose tables are made first;
     killed, the same command goes on where it was.  With ``--confirm`` those that other code judged
     are judged on one root only, and stand where nothing comes out otherwise.
@@ -168,10 +172,18 @@ class Claims:
         from thesis_lib.edition.experiment import results_directory
         from thesis_lib.edition.scoreboard import judge_all
 
-        judged = judge_all(self.results or results_directory("book"), self.only)
+        folder = self.results or results_directory("book")
+        judged = judge_all(folder, self.only, draft=True)
+        missing = [j.finding for j in judged if j.budget == "none"]
+        if self.results and len(missing) == len(judged):
+            raise FileNotFoundError(missing[0].evidence)
         for j in judged:
-            _print_claim(j.claim, str(j.finding.verdict).upper(), j.finding.evidence)
-        print(f"{len(judged)} claims")
+            kept = j.over if j.budget == "none" else None
+            over = f" ({kept.frequency}, as committed)" if kept else ""
+            verdict = kept.verdict if kept else j.finding.verdict
+            _print_claim(j.claim, f"{str(verdict).upper()}{over}", j.finding.evidence)
+        without = f", {len(missing)} of them without results in {folder}" if missing else ""
+        print(f"{len(judged)} claims{without}")
         return 0
 
     def _folder(self) -> Path:

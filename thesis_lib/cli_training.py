@@ -22,14 +22,20 @@ from thesis_lib.locomotion.rendering import check_gl
 from thesis_lib.policies.portable import dumps, to_onnx
 from thesis_lib.training import curves
 from thesis_lib.training.checkpoint import read_checkpoint
-from thesis_lib.training.config import TrainConfig, idle_settings, task_name
+from thesis_lib.training.config import TrainConfig, idle_settings, is_robot, task_name
 from thesis_lib.training.disturbances import Disturbances
-from thesis_lib.training.evaluation import EvaluateConfig, evaluate, summarised, write
+from thesis_lib.training.evaluation import (
+    EvaluateConfig,
+    evaluate,
+    no_robot,
+    summarised,
+    write,
+)
 from thesis_lib.training.evaluation import idle_settings as idle_in_test
 from thesis_lib.training.film import check_film, film
 from thesis_lib.training.grid import GRID, GRID_COLUMNS, Grid, key, run_name
 from thesis_lib.training.merge import merge
-from thesis_lib.training.plan import CORES, cost, makespan, memory, plan
+from thesis_lib.training.plan import CORES, cost, makespan, memory, not_measured, plan
 from thesis_lib.training.store import Store
 from thesis_lib.training.suite import RULES, SuiteConfig, best, check_kept, evaluate_all
 from thesis_lib.training.suite import write as write_tests
@@ -128,6 +134,13 @@ def _read(checkpoint: Path, run: str | None) -> Trained:
     return policies.load(run)
 
 
+def _told(trained: Trained) -> str:
+    """A policy in words."""
+    run = trained.config
+    ground = f"on {run.terrain} ground " if is_robot(run.task) else ""
+    return f"{run.architecture} on {run.task}, trained {ground}for {trained.iteration} iterations"
+
+
 @dataclass(frozen=True)
 class Evaluate:
     """``thesis evaluate``."""
@@ -165,13 +178,12 @@ class Evaluate:
         if self.out is not None:
             writable_directory(self.out)
         if self.film is not None:
+            if not is_robot(trained.config.task):
+                raise no_robot(trained.config.task, "film")
             check_film(self.film, config, self.film_run)
             check_gl()
         table = evaluate(trained, config)
-        print(
-            f"{trained.config.architecture} on {trained.config.task}, trained on "
-            f"{trained.config.terrain} ground for {trained.iteration} iterations"
-        )
+        print(_told(trained))
         for perturbation in config.perturbations:
             print(f"  {perturbation}")
         print(text(table))
@@ -222,11 +234,7 @@ class Export:
             raise ValueError(str(error)) from error
         with replacing(self.out) as temporary:
             temporary.write_bytes(data)
-        print(
-            f"{trained.config.architecture} on {trained.config.task}, trained on "
-            f"{trained.config.terrain} ground for {trained.iteration} iterations: {self.out}, "
-            f"{len(data):,} bytes."
-        )
+        print(f"{_told(trained)}: {self.out}, {len(data):,} bytes.")
         return 0
 
 
@@ -376,6 +384,8 @@ class Sweep:
         table = plan(left)
         print(text(table))
         print(f"{len(left)} runs, about {table.core_hours.sum():.1f} processor hours:")
+        if guessed := not_measured(left):
+            print(f"  (a guess: {', '.join(guessed)} counts as the median of what was measured)")
         seconds = [cost(c) for c in left]
         for cores in CORES:
             hours = makespan(seconds, cores) / 3600

@@ -30,12 +30,14 @@ The groups, and what stands behind the name:
     A frozen dataclass that is a :class:`~thesis_lib.locomotion.batch.Perturbation`; tests of
     policies write it as ``NAME(field=value)``.
 
-What is built in keeps its name: installing a package changes no result of the thesis.
+What is built in keeps its name and its id: installing a package changes no result of the thesis.
+A name that two packages offer is refused when it is asked for, and not before.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Callable, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Literal, TypeVar
 
@@ -62,23 +64,12 @@ HILL_DIFFICULTY = 0.5
 """Difficulty of the hills that controllers are trained on (section 5.4)."""
 
 
-def offers(kind: Kind) -> dict[str, EntryPoint]:
-    """What installed packages offer, by name; nothing is loaded yet.
-
-    Raises
-    ------
-    ValueError
-        When two packages offer the same name.
-    """
-    found: dict[str, EntryPoint] = {}
+def offers(kind: Kind) -> dict[str, tuple[EntryPoint, ...]]:
+    """What installed packages offer, by name, more than one where they disagree; none is loaded."""
+    found: dict[str, dict[str, EntryPoint]] = {}
     for point in entry_points(group=f"thesis_lib.{kind}s"):
-        other = found.setdefault(point.name, point)
-        if other.value != point.value:
-            raise ValueError(
-                f"{kind} {point.name!r} is offered as {other.value} and as {point.value}; remove "
-                "one of the packages."
-            )
-    return found
+        found.setdefault(point.name, {}).setdefault(point.value, point)
+    return {name: tuple(points.values()) for name, points in found.items()}
 
 
 def find(kind: Kind, name: str, built_in: Mapping[str, T]) -> T:
@@ -96,7 +87,8 @@ def find(kind: Kind, name: str, built_in: Mapping[str, T]) -> T:
     Raises
     ------
     ValueError
-        When there is none of that name; the message names those there are.
+        When there is none of that name, and the message names those there are; or when two
+        packages offer it.
     ImportError
         When the package's object can't be loaded.
     """
@@ -104,35 +96,59 @@ def find(kind: Kind, name: str, built_in: Mapping[str, T]) -> T:
         return built_in[name]
     offered = offers(kind)
     one_of(kind, name, [*built_in, *offered])
+    point, *others = offered[name]
+    if others:
+        raise ValueError(
+            f"{kind} {name!r} is offered as {point.value} and as {others[0].value}; remove one of "
+            "the packages."
+        )
     try:
-        found: T = offered[name].load()
+        found: T = point.load()
     except Exception as error:
         raise ImportError(
-            f"{kind} {name!r} is offered as {offered[name].value}, which can't be loaded "
+            f"{kind} {name!r} is offered as {point.value}, which can't be loaded "
             f"({type(error).__name__}: {error}); mend or remove that package."
         ) from error
     return found
 
 
 def register() -> None:
-    """Enter the environments in Gymnasium's registry, once."""
-    for name in (*DOMAINS, *offers("domain")):
-        _enter(name, "thesis_lib.domains.environments:make", domain=name)
+    """Enter the environments in Gymnasium's registry, once; what is built in comes first."""
+    for name in DOMAINS:
+        _enter_domain(name)
     _enter("Heat", "thesis_lib.domains.heat_environment:HeatEnv")
-    for name in (*ROBOTS, *offers("robot")):
-        _enter_robot(name, robot=name)
     for name in ROBOTS:
-        _enter_robot(f"{name}Hill", robot=name, difficulty=HILL_DIFFICULTY)
+        _enter_robot(name)
+    for name in ROBOTS:
+        _enter_robot(name, "Hill", difficulty=HILL_DIFFICULTY)
+    for name in offers("domain"):
+        _enter_offer("domain", name, _enter_domain)
+    for name in offers("robot"):
+        _enter_offer("robot", name, _enter_robot)
 
 
-def _enter_robot(name: str, **kwargs: Any) -> None:
+def _enter_offer(kind: Kind, name: str, enter: Callable[[str], None]) -> None:
+    """Enter what a package offers; a name that makes no id harms nothing else."""
+    try:
+        enter(name)
+    except gymnasium.error.Error as error:
+        warnings.warn(f"{kind} {name!r} gets no id in Gymnasium: {error}", stacklevel=2)
+
+
+def _enter_domain(name: str) -> None:
+    _enter(name, "thesis_lib.domains.environments:make", domain=name)
+
+
+def _enter_robot(robot: str, ground: str = "", **kwargs: Any) -> None:
     envs = "thesis_lib.locomotion.envs"
-    _enter(name, f"{envs}:LocomotionEnv", f"{envs}:LocomotionVectorEnv", HORIZON, **kwargs)
+    one, many = f"{envs}:LocomotionEnv", f"{envs}:LocomotionVectorEnv"
+    _enter(robot + ground, one, many, HORIZON, robot=robot, **kwargs)
 
 
 def _enter(
     name: str, one: str, many: str | None = None, horizon: int | None = None, **kwargs: Any
 ) -> None:
+    """Enter an id, unless it is there already."""
     env_id = f"thesis/{name}-v0"
     if env_id not in gymnasium.registry:
         gymnasium.register(

@@ -165,6 +165,44 @@ def equivalence(a: ArrayLike | Summary, b: ArrayLike | Summary, margin: float) -
     return Comparison(gap, gap - half, gap + half, p, "TOST")
 
 
+def power_within(
+    margin: ArrayLike, half_width: ArrayLike, level: float = 0.95, *, sides: int = 2
+) -> FloatArray:
+    """How often intervals would show that differences are within margins, were there none.
+
+    Parameters
+    ----------
+    margin, half_width
+        Largest differences that count as none, and half-widths of the intervals.
+    level
+        Coverage of the intervals.
+    sides
+        2 if both ends of an interval must be within the margin, 1 if one.
+
+    Returns
+    -------
+    FloatArray
+        By the normal distribution, a power each.
+
+    Examples
+    --------
+    >>> power_within([0.5, 2.0], 1.0).round(3).tolist()
+    [0.0, 0.95]
+    """
+    bound, half = np.broadcast_arrays(np.asarray(margin, float), np.asarray(half_width, float))
+    share = np.divide(bound, half, out=np.full(half.shape, np.inf), where=half > 0)
+    one = stats.norm.cdf(stats.norm.isf((1 - level) / 2) * (share - 1))
+    power: FloatArray = one if sides == 1 else np.maximum(0.0, 2 * one - 1)
+    return power
+
+
+def least_power(
+    margin: ArrayLike, half_width: ArrayLike, level: float = 0.95, *, sides: int = 2
+) -> float:
+    """The least of several powers, as of :func:`power_within`."""
+    return float(power_within(margin, half_width, level, sides=sides).min())
+
+
 def kruskal(*samples: ArrayLike) -> float:
     """Kruskal-Wallis p-value that several samples come from one distribution."""
     return float(stats.kruskal(*[_sample(s) for s in samples]).pvalue)

@@ -128,6 +128,8 @@ def test_every_environment_is_listed_with_its_spaces() -> None:
     assert (
         "| `thesis/Hopper-v0` | Hopper of section 5.1, ground: flat | 20 reals | 3 reals in" in text
     )
+    # a place in the area of side 10, an angle, and heat
+    assert re.search(r"thesis/Heat-v0` .* 4 reals in \[0, 10\], \[0, 6.28319\], \[0, 1\] ", text)
     assert "thesis/HopperHill-v0` | Hopper of section 5.1, ground: hills of difficulty 0.5" in text
     listed = re.findall(r"^\| `(\S+)`", text, flags=re.MULTILINE)
     own = [name for name in gymnasium.registry if name.startswith("thesis/")]

@@ -113,6 +113,12 @@ class TestPage:
         assert (html / f"{name}.html").stat().st_size < 300 * 1024
 
 
+@pytest.mark.parametrize("name", [page for page in PAGES if page.startswith("book/api/")])
+def test_reference_tells_what_an_attribute_means_as_text(html: Path, name: str) -> None:
+    entries = ", ".join(f"dl.py.{kind} > dd dl.field-list dt" for kind in ("attribute", "data"))
+    assert [field.get_text() for field in page(html, name).select(entries)] == []
+
+
 @pytest.mark.parametrize("name", [f"notebooks/{name}" for name in NOTEBOOKS])
 def test_chapter_says_that_its_values_mean_nothing(html: Path, name: str) -> None:
     assert "shapes, not values" in page(html, name).get_text()

@@ -37,7 +37,8 @@ def test_a_claim_has_a_row_with_verdict_place_evidence_and_command() -> None:
     for part in (
         "    The means are ours.",
         "    Off by 3.",
-        "*Made by*: `thesis run table-3.1`; ID 3.4.1-numbers; shown in {numref}`fig-ch3-table",
+        "*Made by*: `thesis claims 3.4.1-numbers --seeds 10`; shown in {numref}`fig-ch3-table",
+        "*Made by*: `thesis claims B.1-own`.",
         "  - [Table 3.1](#sec-table-3-1)\n    [headline]{.mark}",
         "  - [B.1](#sec-ch4-appendix-b)\n",
     ):
@@ -54,12 +55,35 @@ def test_a_claim_has_a_row_with_verdict_place_evidence_and_command() -> None:
 def test_a_row_tells_where_the_tables_shown_say_another_verdict_and_how_they_are_made() -> None:
     claim = replace(CLAIM, experiments=("figure-4.4", "table-3.1"))
     found = Finding(Verdict.REPRODUCED, "It is.")
-    page = ledger.scoreboard_markdown([Judgement(claim, found, "book, thesis", OVER)])
+    deep = Judgement(claim, found, "book, thesis", OVER)
+    page = ledger.scoreboard_markdown([deep])
     assert "*On the tables shown* the verdict is reproduced." in page
     assert (
-        "`thesis run figure-4.4 --budget thesis`, `thesis run table-3.1` (budget: book, thesis);"
-        in page
+        "`thesis claims 3.4.1-numbers --seeds 10`; shown is `thesis run figure-4.4 --budget "
+        "thesis` (budget: book, thesis); shown in" in page
     )
+    named = "The means are ours ([3.4.1-numbers](#claim-3.4.1-numbers))"
+    listed = f"1 claim reads otherwise\n- {named}: refuted (10 of 10; there reproduced).\n"
+    assert listed in page
+    told = ledger.findings_markdown([deep])
+    assert "[Refuted](#claim-3.4.1-numbers) (reproduced by a table of more runs).\n" in told
+    others = (
+        replace(deep, over=replace(OVER, budget="thesis")),  # as deep itself
+        replace(deep, budget="book"),
+        replace(deep, finding=JUDGED.finding),
+    )
+    for other in others:
+        assert "otherwise" not in ledger.scoreboard_markdown([other])
+        assert "more runs" not in ledger.findings_markdown([other])
+
+
+def test_what_has_not_been_run_has_no_frequency() -> None:
+    over = OverRoots({Verdict.NOT_RUN: 8}, "book", "", False)
+    page = ledger.scoreboard_markdown(
+        [replace(JUDGED, finding=Finding(Verdict.NOT_RUN, "Not yet."), over=over)]
+    )
+    assert "* - [not run]{.verdict .not-run}\n  - (claim-3.4.1-numbers)=" in page
+    assert "has not been computed yet | 1 |  |" in page
 
 
 def test_a_row_has_all_of_its_evidence_once_and_a_long_list_behind_a_click() -> None:

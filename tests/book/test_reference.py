@@ -11,7 +11,7 @@ import pytest
 from sphinx.ext.napoleon import Config
 from sphinx.ext.napoleon.docstring import NumpyDocstring
 
-from thesis_lib.book.names import exists, find, tell_attributes_apart
+from thesis_lib.book.names import exists, find, keep_first_words, tell_attributes_apart
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = ROOT / "book" / "api"
@@ -32,6 +32,13 @@ def test_attributes_that_share_a_line_are_told_apart() -> None:
     read = str(NumpyDocstring(text, Config(napoleon_use_ivar=True)))
     for line in (":ivar low: Bounds.", ":ivar high: Bounds.", ":vartype high: float", ":ivar n: "):
         assert line in read
+
+
+def test_an_attribute_s_words_before_a_colon_are_no_type() -> None:
+    keep_first_words()
+    text = "flat, or hill: one map, drawn from the seed.\n\n:meta hide-value:"
+    read = NumpyDocstring(text, Config(), what="attribute", name="x", obj=object).lines()
+    assert "\n".join(read).strip() == text
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -84,9 +91,20 @@ def test_what_prose_names_of_the_package_is_linked() -> None:
                 assert not exists(span), f"{where}: link {span}"
 
 
+ROLES = re.compile(r"{(?:func|class|mod|meth|data|attr)}`~?(?:[^`<]*<)?([\w.]+)>?`")
+
+
+def test_each_notebook_leads_to_the_reference_and_each_recipe_is_led_to() -> None:
+    told = [(where.partition(".ipynb")[0], text) for where, text in prose() if ".ipynb" in where]
+    assert {name for name, text in told if ROLES.search(text)} == {
+        notebook.stem for notebook in (ROOT / "notebooks").glob("*.ipynb")
+    }
+    linked = {name for _, text in told for name in re.findall(r"recipes/(\w+)\.md\)", text)}
+    assert linked == {recipe.stem for recipe in (ROOT / "book" / "recipes").glob("*.md")}
+
+
 def test_links_of_prose_lead_to_the_reference() -> None:
-    roles = re.compile(r"{(?:func|class|mod|meth|data|attr)}`~?(?:[^`<]*<)?([\w.]+)>?`")
-    linked = [(where, name) for where, text in prose() for name in roles.findall(text)]
+    linked = [(where, name) for where, text in prose() for name in ROLES.findall(text)]
     assert len(linked) > 20
     modules = {f"thesis_lib.{name}" for name in described()}
     for where, name in linked:

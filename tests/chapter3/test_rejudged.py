@@ -86,7 +86,9 @@ def moved(own: float, common: float) -> pd.DataFrame:
             rows.append((potential, level, mean))
     rows.append(("none", "own", 1.0))
     table = pd.DataFrame(rows, columns=["potential", "level", "mean_return"])
-    return table.assign(domain="stock E = 3", algorithm="q_learning", sd=1.0, n_runs=100)
+    table = table.assign(domain="stock E = 3", algorithm="q_learning", sd=1.0, n_runs=100)
+    halves = {"half_mean": table.mean_return, "rest_mean": table.mean_return}
+    return table.assign(**halves, rest_sd=1.0, rest_runs=50)
 
 
 @pytest.mark.parametrize(
@@ -102,13 +104,52 @@ def test_the_reversal_is_level_only_if_it_goes(own: float, common: float, verdic
 
 
 def test_level_and_order_by_hand() -> None:
-    # The constant earns 7 over no shaping, the best potential 3 over the constant.
+    # The constant earns 7 over no shaping, the best potential 3 over the constant; a mean's
+    # standard error is 50^-1/2, of order less level, which has the constant twice, 6^1/2 times it.
     table = moved(1.0, -0.5)
     found = level_or_order.parts(table).iloc[0]
-    assert (found.level, found.order, found.best) == (7.0, 3.0, "Q_mu")
-    assert level_or_order.order_earns_more(table).verdict is Verdict.REFUTED
-    flat = table.assign(mean_return=table.mean_return.where(table.potential != "constant", 2.0))
-    assert level_or_order.order_earns_more(flat).verdict is Verdict.REPRODUCED
+    assert (found.level, found.order, found.excess, found.best) == (7.0, 3.0, -4.0, "Q_mu")
+    assert found.level_error == found.order_error == pytest.approx((2 / 50) ** 0.5)
+    assert found.excess_error == pytest.approx((6 / 50) ** 0.5)
+    judge = level_or_order.order_earns_more
+    assert judge(table).verdict is Verdict.REFUTED
+    assert "level 7.00 ± 0.39, order 3.00 ± 0.39" in judge(table).evidence
+    assert judge(table.assign(rest_sd=20.0)).verdict is Verdict.INCONCLUSIVE
+    flat = of_constants(table, 2.0)
+    assert judge(flat).verdict is Verdict.REPRODUCED
+    below = level_or_order.parts(of_constants(table, 0.0)).iloc[0]
+    assert (below.level, below.order, below.excess) == (0.0, 10.0, 10.0)  # no shaping is better
+    assert below.excess_error == pytest.approx((2 / 50) ** 0.5)
+
+
+def of_constants(table: pd.DataFrame, mean: float) -> pd.DataFrame:
+    """The same with another return of every constant potential."""
+    columns = ["half_mean", "rest_mean"]
+    return table.assign(**table[columns].where(table.potential != "constant", mean))
+
+
+def test_one_setting_against_it_refutes_and_one_that_cannot_tell_does_not() -> None:
+    judge = level_or_order.order_earns_more
+    against, settings = moved(1.0, -0.5), ("one", "two", "three")
+    for_it = of_constants(against, 2.0)
+    most = [t.assign(domain=d) for t, d in zip((for_it, for_it, against), settings, strict=True)]
+    assert judge(pd.concat(most)).verdict is Verdict.REFUTED
+    unsure = [*most[:2], most[2].assign(rest_sd=100.0)]
+    assert judge(pd.concat(unsure)).verdict is Verdict.DIRECTION
+    assert judge(pd.concat([*unsure[:1], *unsure[2:]])).verdict is Verdict.INCONCLUSIVE
+
+
+def test_what_was_chosen_is_measured_by_other_runs() -> None:
+    table = moved(1.0, -0.5)
+    lucky = (table.potential == "Q_mu") & (table.level == "own")
+    table = table.assign(half_mean=table.half_mean.mask(lucky, 100.0))
+    found = level_or_order.parts(table).iloc[0]
+    assert (found.best, found.order) == ("Q_mu", 3.0)
+    rows = level_or_order.moved.run("smoke").table  # two runs a task: one chooses, one measures
+    assert (rows.rest_runs * 2 == rows.n_runs).all()
+    assert ((rows.half_mean + rows.rest_mean) / 2).to_numpy() == pytest.approx(rows.mean_return)
+    with pytest.raises(ValueError, match="repeats is 1"):
+        level_or_order.moved.run("smoke", config=level_or_order.Config(repeats=1))
 
 
 def test_theorem_1_is_judged_by_its_bound() -> None:

@@ -8,6 +8,7 @@ import pytest
 from scipy.stats import binomtest
 
 from thesis_lib import chapter4
+from thesis_lib.chapter4 import interdependence
 from thesis_lib.chapter4.appendix_b import STATEMENTS
 from thesis_lib.chapter4.protocol import share_interval
 from thesis_lib.edition.chapters import read_chapter
@@ -230,12 +231,14 @@ def windows(
     factor: float = 2.0,
     high: float = 3.0,
     domain: str = "meadow",
+    early: float = 0.3,
+    runs: int = 500,
 ) -> pd.DataFrame:
     """Factor of the small table after 3 tasks, what it lacks after 8, and its gain at the end."""
     rows = [
         {"domain": domain, "tasks_seen": n, "method": method, "step": step, "pairs": 9.0,
          "factor": factor, "factor_low": low, "factor_high": high,
-         "hidden": hidden if n == 8 else 0.3, "ci95": 0.01,
+         "hidden": hidden if n == 8 else early, "ci95": 0.01, "n_runs": runs,
          "reward": 1 + gap * (method == "table")}
         for n in (1, 3, 8)
         for method in ("full", "table")
@@ -474,7 +477,9 @@ CASES = {
         (cliffs(), UNSURE),
     ],
     "4.3-cliff-gain": [
-        (cliff(), YES), (cliff(gain=0.6), UNSURE), (cliff(gain=-1.0), NO),
+        # Of two numbers of tasks an interval is norm.isf(.0125) / norm.isf(.025) = 1.144 times as
+        # wide: .572.
+        (cliff(), YES), (cliff(gain=0.58), YES), (cliff(gain=0.56), UNSURE), (cliff(gain=-1.0), NO),
     ],
     "4.3-cliff-turns": [
         (cliffs(), YES),
@@ -493,7 +498,13 @@ CASES = {
         (cliffs(tilde=cliff()), Verdict.REFUTED),
         (cliffs(), UNSURE),  # a margin of 5% is .1 here, of means that are ± .47
     ],
-    "4.3-cliff-tilde-gains": [(cliffs(), YES), (cliffs(tilde=cliff(gain=0.5)), NO)],
+    # Half-widths of .5 add up: the gain with Q* is 1, that with Q~ has to be above 2.
+    "4.3-cliff-tilde-gains": [
+        (cliffs(tilde=cliff(gain=gain)), verdict)
+        for gain, verdict in (
+            (2.1, YES), (1.9, NEARLY), (0.5, UNSURE), (0.1, UNSURE), (-0.1, WRONG),
+        )
+    ],
     "4.3-cliff-long-run": [
         (cliffs(), YES), (cliffs(tilde=cliff()), UNSURE),
         (cliffs(tilde=cliff((-5.0, -4.0, -3.0, -40.0))), WRONG),
@@ -517,7 +528,8 @@ CASES = {
     "4.3-stock-outperforms": [
         (on_stock(), YES), (on_stock(fixed=0.3), NEARLY), (on_stock(low=0.1), NO),
         (on_stock(low=0.3), UNSURE), (on_stock(fixed=-1.0), WRONG),
-        (on_stock(fixed=-0.8), NEARLY),  # one of them may be .054 better
+        # One of them may be .054 better, and all are less than 5% so; in the mean half are ahead.
+        (on_stock(fixed=-0.8), NO), (on_stock(fixed=-0.05), UNSURE),
     ],
     "4.3-stock-deteriorates": [
         (on_stock(), YES), (on_stock(high=1.0), NEARLY), (on_stock(high=3.0), WRONG),
@@ -552,14 +564,14 @@ CASES = {
         # Refuted by neither reading alone, and reproduced by the one used only.
         (dialled(fpr=0.12, other=0.02), NO), (dialled(other=0.12), YES),
     ],
-    # Of five numbers above six a difference of gains is ± .707 norm.isf(.005) / norm.isf(.025),
-    # .929.
+    # Of five numbers above six a difference of two gains that are ± .5 each, and share runs, is
+    # ± norm.isf(.005) / norm.isf(.025), 1.314.
     "4.3.1-few-tasks": [
         ({"figure-4.4": cliff(late=late), "figure-4.5": cliff(late=late),
           "figure-4.3": on_triangle(late=late), "figure-4.6": on_stock(n=n, peak=peak)}, verdict)
         for n, late, peak, verdict in (
-            (4, -1.0, 3.0, YES), (4, 0.5, 3.0, NEARLY), (12, -1.0, 0.95, WRONG),
-            (12, -1.0, 0.9, UNSURE),
+            (4, -1.0, 3.0, YES), (4, 0.5, 3.0, NEARLY), (12, -1.0, 1.32, WRONG),
+            (12, -1.0, 1.3, UNSURE),
         )
     ],
     # Of two domains an upper end is (high / factor)^.144 times as far: .933 and 1.017.
@@ -569,9 +581,13 @@ CASES = {
         (windows(low=0.5, factor=0.8, high=0.95), WRONG),
         (on_two(0.7, 0.9), NO), (on_two(0.7, 0.97), UNSURE), (on_two(0.0, 0.0), NO),
     ],
+    # Wilson's intervals of 1% are .4% to 2.3% over 500 runs and .2% to 7.4% over 60; those of 7%
+    # and of 20% over 60 are 2.8% to 16% and 12% to 32%.
     "4.1.1-near-irrelevant": [
         (windows(), YES), (windows(hidden=0.1), NEARLY), (windows(gap=-0.1), NO),
-        (windows(hidden=0.4), NO),
+        (windows(hidden=0.4), NO), (windows(early=0.0, runs=60), UNSURE),
+        (windows(hidden=0.07, early=0.0, runs=60), UNSURE),
+        (windows(hidden=0.2, early=0.0, runs=60), NO),
     ],
     "4.5-weights": [
         (function_law(0.1, 1e-15), YES), (function_law(0.0, 1e-15), NEARLY),
@@ -608,6 +624,26 @@ def test_how_far_curves_are_from_the_law_is_computed():
     """Through 1 and 2 at k = 1 and 20 it is at 2 - (1/12 - 1/20) / (1 - 1/20) = 1.96 at 12."""
     found = BY_ID["4.1.1-plateau"].judge({"figure-4.1": curves()})
     assert "at most 0.9 of the largest" in found.evidence
+
+
+def test_forward_relevance_keeps_the_smaller_subset(monkeypatch):
+    """B goes first where it is the first of B, C and D, in a third of the orders; C and D stay."""
+    judge = BY_ID["4.2-smaller-subset"].judge
+    found = judge({})
+    assert found.verdict is YES
+    assert "features: {A, B} in 24 where" in found.evidence
+    for kept in ("{A, B} in 16", "{A, C, D} in 8"):
+        assert kept in found.evidence.partition("marked; ")[2]
+
+    class NoSmaller:
+        def fit(self, solutions):
+            return self
+
+        def get_feature_names_out(self):
+            return list("ACD")
+
+    monkeypatch.setattr(interdependence, "IBKR", NoSmaller)
+    assert judge({}).verdict is WRONG
 
 
 def test_shares_have_wilsons_interval():

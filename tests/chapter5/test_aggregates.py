@@ -74,7 +74,7 @@ def test_the_rule_that_chooses_a_policy_can_change_who_is_best(tmp_path):
         for seed, (last, tested) in enumerate(seeds):
             run = at | {"architecture": net, "seed": seed}
             curves.append(run | {"iteration": 1, "steps": 50_000, "mean_return": last})
-            result = run | {"condition": "base", "run": 0}
+            result = run | {"condition": "base", "test": 0}
             tests.append(result | {"policy": "last", "return": tested})
             batch = 5000.0 if net == "esn" else 1.0
             tests.append(result | {"policy": "best", "return": batch})

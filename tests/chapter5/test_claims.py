@@ -28,7 +28,7 @@ SPECIAL = {
     *("table-5.2-means", "table-5.3-is-c.1", "5.4-regular-test"),
     *("table-5.6-drops", "table-5.6-retained"),
     *("5.5.2-ctrnn-filters", "ch5-correlated-noise", "ch5-correlated-noise-long"),
-    "table-5.1-subset",
+    *("table-5.1-subset", "5.7-hyperparameters"),
 }
 ORDINARY = sorted(set(CLAIMS) - SPECIAL)
 #: The calibration reads a store of its own (test_calibration).

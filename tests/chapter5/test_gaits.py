@@ -263,6 +263,35 @@ def test_the_committed_sweep_starts_from_the_authors_time_constants() -> None:
     assert set(found.time_constant[found.architecture == "ctrnn"]) == {1.0}
 
 
+@pytest.mark.parametrize(
+    ("logs", "verdict"),
+    [
+        # Standard error .1 / sqrt(3): t of .4 is 6.9 and of .1 is 1.7, on 2 degrees p .02 and .23.
+        ((0.3, 0.4, 0.5), Verdict.REPRODUCED),
+        ((0.0, 0.1, 0.2), Verdict.DIRECTION),
+        ((-0.2, -0.1, 0.0), Verdict.INCONCLUSIVE),
+        ((-0.3, -0.4, -0.5), Verdict.REFUTED),
+        ((0.4, 0.4001), Verdict.INCONCLUSIVE),
+    ],
+)
+def test_the_claim_on_what_the_midpoint_costs(logs, verdict: Verdict) -> None:
+    """Heun's seconds are exp(log) times Euler's, seed by seed; one more seed has no pair."""
+    rows = [
+        (variant, seed, seconds * share, seconds * (1 - share))
+        for seed, log in enumerate((*logs, 9.0))
+        for variant, seconds in (("default", 10 * np.exp(log)), ("integrator=euler", 10.0))
+        for share in (0.2, 0.6)
+        if log < 9 or variant == "default"
+    ]
+    columns = ["variant", "seed", "sampling_seconds", "update_seconds"]
+    table = pd.DataFrame(rows, columns=columns).assign(task="HalfCheetah")
+    found = options.midpoint_costs_time(table)
+    assert found.verdict is verdict
+    if len(logs) > 2:
+        assert found.numbers["ratio"] == pytest.approx(np.exp(np.mean(logs)))
+        assert f"{len(logs)} seeds in pairs" in found.evidence
+
+
 def test_claims_on_settings_need_their_sweep() -> None:
     with pytest.raises(ValueError, match="0 rows for the CTRNN"):
         options.clamp_is_best(changes(euler=(1, 1.0)))

@@ -13,7 +13,7 @@ BENCHMARK = ROOT / "notebooks" / "ch05_benchmark.ipynb"
 CHOSEN = ("tasks", "architectures", "seeds", "store")
 
 
-@pytest.mark.parametrize("name", ["ch05_benchmark", "ch05_tests"])
+@pytest.mark.parametrize("name", ["ch05_benchmark", "ch05_tests", "ch05_studies"])
 def test_pages_that_read_the_store_say_which_runs_can_be_chosen(name: str) -> None:
     cells = nbformat.read(ROOT / "notebooks" / f"{name}.ipynb", as_version=4).cells
     source = {cell.id: cell.source for cell in cells}

@@ -1,5 +1,7 @@
 """The results store as chapter 5 reads it."""
 
+import dataclasses
+import json
 from itertools import product
 
 import numpy as np
@@ -7,14 +9,22 @@ import pandas as pd
 import pytest
 
 from thesis_lib import published
-from thesis_lib.chapter5 import cell_table, judging, printed_length, table_5_2, training_length
-from thesis_lib.chapter5.cells import NETS
+from thesis_lib.chapter5 import (
+    cell_table,
+    cells,
+    judging,
+    printed_length,
+    table_5_2,
+    training_length,
+)
+from thesis_lib.chapter5.cells import NETS, ROBOTS
 from thesis_lib.chapter5.contrasts import Config, chosen
 from thesis_lib.chapter5.returns import table_5_3, table_c_1
 from thesis_lib.chapter5.runs import read_runs
 from thesis_lib.edition.ledger import Verdict
 from thesis_lib.edition.words import number
 from thesis_lib.published import TASKS
+from thesis_lib.robustness import CONDITIONS
 from thesis_lib.training import curves
 from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.plan import cost
@@ -104,7 +114,7 @@ def perturbed(folder, iterations, batch, kept, few=""):
         for i in (1, iterations)
     ]
     tests = [
-        run | {"condition": condition, "run": 0, "policy": "last", "return": 1000 * share}
+        run | {"condition": condition, "test": 0, "policy": "last", "return": 1000 * share}
         for run in runs
         for condition, share in zip(
             ("base", "noise", "switch"),
@@ -301,7 +311,7 @@ def test_returns_are_means_over_test_runs_at_that_budget(tmp_path):
     path = layer(tmp_path, "depth", 3, 10, 50_000)
     other = layer(tmp_path, "breadth", 3, 2, 20_000)
     tests = [
-        RUN | {"seed": s, "condition": "noise", "run": r, "return": 10.0 * s + r}
+        RUN | {"seed": s, "condition": "noise", "test": r, "return": 10.0 * s + r}
         for s in range(3)
         for r in range(3)
     ]
@@ -319,7 +329,7 @@ def test_a_run_of_a_test_that_two_folders_hold_counts_once(tmp_path):
     test = RUN | {"seed": 0, "condition": "base"}
     for name, returns in (("", [1.0, 5.0]), ("more", [1.0, 5.0, 6.0])):
         (made / name).mkdir(exist_ok=True)
-        rows = [test | {"run": i, "return": r} for i, r in enumerate(returns)]
+        rows = [test | {"test": i, "return": r} for i, r in enumerate(returns)]
         pd.DataFrame(rows).to_parquet(made / name / "tests.parquet")
     assert read_runs(tmp_path).returns()["return"].tolist() == [4.0]
 
@@ -331,6 +341,44 @@ def test_a_file_without_a_column_is_named(tmp_path):
         ValueError, match=r"curves\.csv of the layer 'depth' lacks the columns seed"
     ):
         read_runs(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("termination", "never"), ("difficulty", 0.5), ("noise", 0.5), ("steps", 20), ("seed", 1)],
+)
+def test_tests_under_other_conditions_do_not_mix(tmp_path, name, value):
+    for folder in ("depth", "breadth"):
+        layer(tmp_path, folder, 3, 4, 20_000)
+    config = dataclasses.asdict(SuiteConfig())
+    (tmp_path / "depth" / "tests.json").write_text(json.dumps({"config": config}))
+    other = config | {name: value, "runs": 100, "memory": False}  # of these there are columns
+    (tmp_path / "breadth" / "tests.json").write_text(json.dumps({"config": other}))
+    with pytest.raises(ValueError, match=f"with {name} .* keep those of other conditions outside"):
+        read_runs(tmp_path)
+    (tmp_path / "breadth" / "tests.json").write_text(json.dumps({"config": config | {"runs": 9}}))
+    assert len(read_runs(tmp_path).curves)
+
+
+def test_nets_that_one_picture_compares_have_learned_for_as_long(tmp_path):
+    """Two nets have deep runs and a third shallow ones alone: then the shallow ones count."""
+    for name, nets, iterations in (("breadth", ("ffwd", "dffwd", "ffwd-400"), 4),
+                                   ("depth", ("ffwd", "dffwd"), 10)):  # fmt: skip
+        parts = [
+            layer(tmp_path, f"{name}/{net}", 3, iterations, 20_000, architecture=net)
+            for net in nets
+        ]
+        tests = [
+            RUN | {"architecture": net, "seed": seed, "condition": condition, "test": 0}
+            | {"return": float(iterations)}
+            for net in nets for seed in range(3) for condition in CONDITIONS
+        ]  # fmt: skip
+        pd.DataFrame(tests).to_parquet(parts[0] / "tests.parquet")
+    store, rng = read_runs(tmp_path), np.random.default_rng(0)
+    nets = ("FFWD", "DFFWD", "FFWD-400")
+    for across, expected in ((("terrain",), [10, 10, 4]), (("terrain", "architecture"), [4] * 3)):
+        made = cells.from_tests(store, rng, 10, nets, across)
+        assert made.mean[0, 0, ROBOTS.index("Hopper")].tolist() == expected
 
 
 def test_the_store_is_what_a_sweep_and_its_tests_write(tmp_path):
@@ -405,16 +453,22 @@ def test_rows_that_have_been_run_whole_are_judged_and_the_rest_is_left_out():
         ("Ant", "flat", [3.0, 3.0]),
         ("Ant", "hill", [3.0, NAN]),
     )
-    whole = cell_table.whole_rows(asked, "ours")
+    whole = cell_table.whole_rows(asked, "ours", 20)
     assert whole[["task", "trained_on"]].drop_duplicates().values.tolist() == [
         ["Hopper", "flat"],
         ["Hopper", "hill"],
         ["Ant", "flat"],
     ]
-    several = cell_table.whole_rows(asked, "ours", errors=True)
+    several = cell_table.whole_rows(asked, "ours", 20, errors=True)
     assert several.index.tolist() == [0, 1, 4, 5]
-    assert cell_table.whole_rows(asked, "ours", errors=True, least=3).empty
-    assert len(cell_table.whole_rows(asked, "printed", least=4)) == 8
+    assert cell_table.whole_rows(asked, "ours", 20, errors=True, least=3).empty
+    printed = cell_table.whole_rows(asked, "printed", 20, least=4)
+    assert (
+        printed[["value", "error", "units", "printed_budget"]].values.tolist()
+        == [[2.0, 0.1, 20, True]] * 8
+    )
+    found = cell_table.whole(20, "task == 'Ant'")("ours", asked)
+    assert found[["task", "value", "units"]].values.tolist() == [["Ant", 3.0, 3]] * 2
 
 
 def test_evidence_counts_robots_whose_rows_are_all_there():
@@ -423,19 +477,48 @@ def test_evidence_counts_robots_whose_rows_are_all_there():
         ("Ant", "flat", [3.0, 3.0]),
         ("Ant", "hill", [3.0, NAN]),
     )
-    rows = cell_table.whole_rows(asked, "ours")
-    found = cell_table.evidence(rows, asked, "ours", Verdict.REPRODUCED, "They do.")
+    rows = cell_table.whole_rows(asked, "ours", 5)
+    found = judging.of_rows(rows, Verdict.REPRODUCED, "They do.")
     assert (found.tasks, found.of_tasks, found.units) == (1, 2, 3)
     assert not found.printed_budget  # of one cell
-    printed = cell_table.evidence(rows, asked, "printed", Verdict.REPRODUCED, "It does.")
+    rows = cell_table.whole_rows(asked, "printed", 5)
+    printed = judging.of_rows(rows, Verdict.REPRODUCED, "It does.")
+    assert (printed.tasks, printed.of_tasks, printed.units) == (2, 2, 5)
+    assert printed.printed_budget
     made = judging.weigh(printed, found)
     assert made.verdict is Verdict.INCONCLUSIVE
     assert "(3 seeds, 1 of 2 robots, fewer steps than the thesis's)" in made.evidence
 
 
+def test_evidence_counts_robots_by_name_or_as_told():
+    named = pd.DataFrame({"task": ["Ant", "all", "Hopper", "Ant"], "units": [3, 4, 5, 6]})
+    named["printed_budget"] = [True, True, True, False]
+    told = named.assign(robots=[5, 4, 5, 5])
+    found, other = (judging.of_rows(r, Verdict.REPRODUCED, "So.") for r in (named, told))
+    assert (found.tasks, found.of_tasks, found.units, found.printed_budget) == (2, 5, 3, False)
+    assert other.tasks == 4
+
+
+def test_a_judge_of_rows_is_not_asked_without_any():
+    @judging.both("a-claim", rows=judging.of_source)
+    def judge(rows):
+        return Verdict.REPRODUCED, f"mean {rows.value.mean():g}."
+
+    table = pd.DataFrame({"source": ["printed"] * 2, "value": [1.0, 2.0], "task": ["Ant"] * 2})
+    table = table.assign(units=20, tasks=5, printed_budget=True)
+    found = judge(table)
+    assert found.verdict is Verdict.NOT_RUN
+    assert found.evidence == (
+        "The printed tables bear it out: mean 1.5. Ours have not all been run yet."
+    )
+    both = judge(pd.concat([table, table.assign(source="ours")]))
+    assert both.verdict is Verdict.REPRODUCED
+
+
 def test_a_claim_about_one_robot_needs_no_other():
     asked = rows_of_ours(("Hopper", "flat", [3.0, 1.0]))
-    found = cell_table.evidence(asked, asked, "ours", Verdict.NOT_REPRODUCED, "They do not.")
+    rows = cell_table.whole_rows(asked, "ours", 5)
+    found = judging.of_rows(rows, Verdict.NOT_REPRODUCED, "They do not.")
     made = judging.weigh(None, found)
     assert made.verdict is Verdict.NOT_REPRODUCED
     assert "Our runs (3 seeds)" in made.evidence
@@ -453,3 +536,7 @@ def test_a_hopper_that_has_not_been_run_leaves_its_claim_open():
     assert "Ant 3.00, Hopper 3.00." in found.evidence
     table.loc[table.task == "Ant", "iterations"] = 150
     assert "on the flat: Hopper 3.00;" in table_5_2.hopper_hard(table).evidence
+    # Budgets that differ from net to net alike are the same budget.
+    table.loc[table.architecture == "ESN", "iterations"] = 100
+    table.loc[(table.task == "Ant") & (table.architecture != "ESN"), "iterations"] = 500
+    assert "Ant 3.00, Hopper 3.00." in table_5_2.hopper_hard(table).evidence

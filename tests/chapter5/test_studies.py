@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 from scipy.stats import ttest_ind
 
 from tests.chapter5.worlds import THESIS
@@ -84,7 +85,7 @@ def filter_store(folder, kept, seeds=8):
             at |= {"variant": a.variant, "seed": seed}
             for i in (1, 500):
                 curves.append(at | {"iteration": i, "steps": i * 50_000, "mean_return": 1.0})
-            test = at | {"intervention": a.intervention, "run": 0}
+            test = at | {"intervention": a.intervention, "test": 0}
             own = 1000.0 if a.intervention == "none" else 300.0
             tests.append(test | {"condition": "base", "correlation": 0, "return": own})
             noisy = {"condition": "noise", "correlation": correlation}
@@ -285,6 +286,21 @@ def test_what_zeroing_memory_and_the_last_action_does_is_told(tmp_path):
     assert "Policies with no previous action have not been tested yet." in told
 
 
+def test_effects_of_hills_are_told_apart_by_length(tmp_path):
+    """Only the walkers learned for as long as the thesis's: of the rest nothing is in full."""
+    store = THESIS.write(tmp_path / "store")
+    for path in store.glob("**/curves.csv"):
+        table = pd.read_csv(path)
+        short = (table.task != "Walker2d") & (table.iteration > 1)
+        table[~short].to_csv(path, index=False)
+    found = study_hills.effects.run(config=Config(resamples=200, store=str(store))).table
+    robots = found.groupby("source").robots.max()
+    assert robots[study_hills.IN_FULL] == 1
+    told = study_hills.reading_in_full(found)
+    assert "alone (one robot, 5 seeds or more)" in told
+    assert "without memory hill-trained RNNs lose more by +0.59" in told
+
+
 def long_store(folder, kept, seeds=3, last=500):
     """Half-cheetahs of the printed length that keep ``kept``, by net, in all noise but white."""
     curves, tests = [], []
@@ -294,7 +310,7 @@ def long_store(folder, kept, seeds=3, last=500):
             at |= {"variant": "default", "seed": seed}
             for i in (1, last):
                 curves.append(at | {"iteration": i, "steps": i * 50_000, "mean_return": 1.0})
-            test = at | {"run": 0, "policy": "last", "intervention": "none"}
+            test = at | {"test": 0, "policy": "last", "intervention": "none"}
             tests.append(test | {"condition": "base", "correlation": 0.0, "return": 2000.0})
             for time in study_filter.CORRELATIONS:
                 share = shares[seed] if time else 9.0
@@ -324,9 +340,30 @@ def test_correlated_noise_after_the_printed_length(tmp_path, ctrnn, dtrnn, verdi
     found = study_filter_long.keeps_more(table)
     assert found.verdict is verdict
     assert found.numbers["difference"] == pytest.approx(np.mean(ctrnn) - np.mean(dtrnn))
+    # White noise leaves 9 times the return of all, so that the change is less the lead.
+    told = study_filter_long.lead(table)
+    assert (told["white"].difference, told["white"].p_value) == (0, 1)
+    assert told["change"].difference == pytest.approx(np.mean(ctrnn) - np.mean(dtrnn))
+    assert study_filter_long.reading(table).endswith("over 2 nets).")
     (panel,) = study_filter_long.draw(table).axes
     lines = {line.get_label(): line.get_ydata() for line in panel.lines}
     assert lines["DTRNN"] == pytest.approx([9.0, *[np.mean(dtrnn)] * 4])
+
+
+def test_a_lead_that_shrinks_in_slow_noise_is_a_filters(tmp_path):
+    """CTRNNs keep all in white noise and no more than DTRNNs in the slowest."""
+    long_store(tmp_path / "depth", {"CTRNN": (0.4, 0.5, 0.6), "DTRNN": (0.4, 0.5, 0.6)})
+    table = study_filter_long.kept.run(config=study_filter.Config(store=str(tmp_path))).table
+    white = table.correlation == 0
+    table.loc[white, "retained"] = 0.5 + 0.4 * (table.architecture == "CTRNN")[white]
+    change = study_filter_long.lead(table)["change"]
+    # .1 either way at the slow end alone: standard error .1 sqrt(2 / 3), t = -4.9 on 4 degrees.
+    assert change.difference == pytest.approx(-0.4)
+    assert change.p_value == pytest.approx(2 * stats.t.sf(0.4 / (0.1 * np.sqrt(2 / 3)), 4))
+    told = study_filter_long.reading(table)
+    assert "CTRNNs keep +0.40" in told
+    assert "it shrinks, as a filter's would" in told
+    assert "significantly ahead of no net" in told
 
 
 def test_shorter_or_fewer_policies_do_not_decide_on_the_printed_length(tmp_path):

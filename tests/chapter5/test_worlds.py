@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib import chapter5, robustness
+from thesis_lib import chapter5
 from thesis_lib.chapter5 import (
     ground,
     noise,
@@ -154,7 +154,7 @@ def test_search_improves_the_gait() -> None:
 def test_noise_cannot_touch_a_controller_without_sensors(tables) -> None:
     table = tables["ch5-open-loop"].set_index(["condition", "task", "search", "run"])
     earned = table.episode_return
-    np.testing.assert_array_equal(earned["noise"], earned["regular"])
+    np.testing.assert_array_equal(earned["noise"], earned["base"])
 
 
 def test_world_contacts_of_the_ant_are_always_zero(tables) -> None:
@@ -280,7 +280,7 @@ def test_statements_on_the_score_are_exact() -> None:
 
 
 def test_a_score_that_is_always_1_turns_every_statement_on_it(monkeypatch) -> None:
-    monkeypatch.setattr(robustness, "score", lambda base, perturbed, best: 1.0)
+    monkeypatch.setattr(score, "score", lambda base, perturbed, best: 1.0)
     assert judged("5.3-score-range") == Verdict.REPRODUCED
     for name in ("5.3-score-one", "5.3-score-others", "5.3-self-scoring", "5.3-slowing"):
         assert judged(name) == Verdict.REFUTED
@@ -305,7 +305,7 @@ def test_the_gaits_rank_is_counted_from_the_top() -> None:
     table = pd.DataFrame(
         {
             "task": "Swimmer",
-            "condition": ["regular", "noise", "switch"],
+            "condition": ["base", "noise", "switch"],
             "episode_return": [10_000.0, 10_000.0, 1.0],
         }
     )
@@ -327,7 +327,7 @@ def test_where_there_is_no_opengl_the_page_says_so() -> None:
 
 def test_pictures_stand_in_rows_under_their_titles() -> None:
     images = [np.zeros((4, 6, 3), np.uint8)] * 4
-    figure = pictures.gallery(lambda: images, list("abcd"), columns=3)
+    figure = pictures.gallery(lambda: images, list("abcd"))
     assert [ax.get_title() for ax in figure.axes[:4]] == list("abcd")
     assert len(figure.axes) == 6
     plt.close(figure)

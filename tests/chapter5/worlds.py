@@ -65,10 +65,10 @@ class World:
                                 kept = self.kept_on.get((condition, robot, net), kept)
                                 kept += self.ease[robot] + self.test_spread * rng.normal()
                             result = {"condition": condition, "correlation": 0.0}
-                            result |= {"intervention": "none", "run": 0}
+                            result |= {"intervention": "none", "test": 0}
                             tests.append(at | result | {"return": SCALE[robot] * base * kept})
                         left = self.without_memory[ground] + self.test_spread * rng.normal()
-                        zeroed = {"condition": "base", "correlation": 0.0, "run": 0}
+                        zeroed = {"condition": "base", "correlation": 0.0, "test": 0}
                         zeroed |= {"intervention": "no memory"}
                         tests.append(at | zeroed | {"return": SCALE[robot] * base * left})
         layer = folder / "depth"

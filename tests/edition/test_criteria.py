@@ -98,8 +98,12 @@ def test_no_greater_counts_the_choices_there_were():
     assert no_greater([pair(10.3, 10)], 0.1, choices=2).verdict is Verdict.REPRODUCED
 
 
-def test_no_greater_needs_enough_runs():
+def test_no_greater_needs_enough_runs_and_tells_its_power():
     assert no_greater([pair(10, 10, sd=20, n=5)], 0.1).verdict is Verdict.INCONCLUSIVE
+    # Standard error 1 and a margin of 1, at which a one-sided test of 5% needs 1.65 of them (t):
+    # below -.65, .26.
+    evidence = no_greater([pair(10, 10, sd=7.071, n=100)], 0.1).evidence
+    assert "without any difference each would be shown in at least 26% of samples)" in evidence
 
 
 @pytest.mark.parametrize(

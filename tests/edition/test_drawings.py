@@ -12,7 +12,7 @@ from thesis_lib.domains.cliff import layouts as cliff_layouts
 from thesis_lib.domains.heat import HeatTask
 from thesis_lib.domains.triangle import layouts as triangle_layouts
 from thesis_lib.edition.drawings import draw_cliff, draw_heat, draw_stock, draw_triangle
-from thesis_lib.edition.plots import beside, unclutter
+from thesis_lib.edition.plots import beside, panels, unclutter
 
 
 @pytest.fixture(autouse=True)
@@ -66,6 +66,17 @@ def test_a_heat_task_shows_its_source_where_it_is():
     ax = draw_heat(HeatTask((7.0, 6.0)), path=[(2, 2), (3, 3)])
     assert "source" in words(ax)
     assert any(line.get_xydata().tolist() == [[7.0, 6.0]] for line in ax.lines)
+
+
+def test_panels_stand_row_by_row_and_the_rest_is_blank():
+    fig, axes = panels(5, 3, 2.0, 0.5, sharey=True)
+    assert fig.get_size_inches().tolist() == [7.2, 4.5]
+    assert [ax.axison for ax in fig.axes] == [True] * 5 + [False]
+    assert axes == fig.axes[:5]
+    assert axes[4].get_shared_y_axes().joined(axes[0], axes[4])
+    few, _ = panels(2, 3, 2.0)
+    assert len(few.axes) == 2  # side by side, with no third place
+    plt.close("all")
 
 
 def test_numbers_on_one_another_part_and_stay_near_their_points():

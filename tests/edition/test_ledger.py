@@ -1,6 +1,10 @@
 """The ledger."""
 
+import ast
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import pandas as pd
@@ -96,6 +100,32 @@ def test_every_claim_of_the_ledger_is_whole():
     for row in chapters.differences():
         assert set(row.experiments) <= set(known), row.id
         assert all((row.thesis, row.ours, row.option)), row.id
+
+
+OUTCOME = re.compile(r"reproduc|refut|confirm|disprov|contradict|inconclusive", re.IGNORECASE)
+
+
+def judging_texts(source: str) -> Iterator[str]:
+    """Texts in functions that judge, their docstrings left out."""
+    for function in ast.walk(ast.parse(source)):
+        if isinstance(function, ast.FunctionDef):
+            body = function.body[ast.get_docstring(function) is not None :]
+            parts = [part for line in body for part in ast.walk(line)]
+            made = {ast.unparse(part.func) for part in parts if isinstance(part, ast.Call)}
+            judges = any("criterion(" in ast.unparse(d) for d in function.decorator_list)
+            if judges or made & {"Finding", "judged"}:
+                yield from (p.value for p in parts if isinstance(getattr(p, "value", 0), str))
+
+
+def test_what_is_judged_by_hand_gives_numbers_and_leaves_the_outcome_to_the_verdict():
+    """A sentence with an outcome of its own would stay when the numbers turn."""
+    package = Path(chapters.__file__).parents[1]
+    files = [f for name in chapters.CHAPTERS for f in (package / name).glob("*.py")]
+    texts = [text for file in files for text in judging_texts(file.read_text())]
+    assert len(texts) > 1000
+    assert [text for text in texts if OUTCOME.search(text)] == []
+    own = 'def f(t):\n    """Refuted."""\n    return judged(t > 0, f"{t} confirms it")'
+    assert [text for text in judging_texts(own) if OUTCOME.search(text)] == [" confirms it"]
 
 
 def test_ids_are_unique(monkeypatch):

@@ -349,6 +349,7 @@ def test_environments_can_be_pickled_by_their_spec():
     ("arguments", "message"),
     [
         ({"difficulty": -0.5}, "difficulty is -0.5"),
+        ({"difficulty": "x"}, "difficulty is x, but it must be a finite number of metres"),
         ({"switch_at": 5.0}, "no hills to switch to"),
         ({"difficulty": 1.0, "switch_at": 1e6}, "switch"),
         ({"difficulty": 1.0, "terrain": terrain.hills(0.5, 0)}, "Both terrain and difficulty"),

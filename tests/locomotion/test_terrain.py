@@ -446,7 +446,7 @@ def test_maps_do_not_depend_on_how_many_are_drawn():
     [
         ({"difficulty": -0.1}, "difficulty is -0.1, but it must be"),
         ({"difficulty": np.nan}, "difficulty is nan"),
-        ({"robot": "ant"}, "robot 'ant' does not exist: choose one of Swimmer, Hopper"),
+        ({"robot": "ant"}, "there are no hills for robot 'ant', only for Swimmer, Hopper"),
         ({"preset": "code"}, "preset 'code' does not exist: choose one of author, text"),
         ({"switch_at": 100.0}, "switch_at is 100 m"),
         ({"switch_at": 1.0}, "switch_at is 1 m"),

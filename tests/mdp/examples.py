@@ -82,3 +82,23 @@ def two_rooms() -> TabularMDP:
     P[0, 0, [1, 2]] = 0.25, 0.75
     P[1, 0, 1] = P[2, 0, 3] = P[3, 0, 2] = 1.0
     return TabularMDP(P, [[0.0], [1.0], [2.0], [0.0]], [1, 0, 0, 0], None, 0.5)
+
+
+def simulate(mdp: MDP, pi: np.ndarray, episodes: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Discounted returns of episodes ``(E,)`` and visits of pairs ``(S, A)``, all drawn at once."""
+    rng, listed = np.random.default_rng(seed), mdp.outcomes()
+
+    def draw(rows: np.ndarray) -> np.ndarray:
+        return (rows.cumsum(axis=1) < rng.random(len(rows))[:, None]).sum(axis=1)
+
+    returns, visits = np.zeros(episodes), np.zeros(pi.shape, dtype=int)
+    running, s, weight = np.arange(episodes), draw(np.tile(mdp.start, (episodes, 1))), 1.0
+    while len(running):
+        a = draw(pi[s])
+        k = draw(listed.probability[s, a])
+        np.add.at(visits, (s, a), 1)
+        returns[running] += weight * listed.reward[s, a, k]
+        weight *= mdp.discount
+        s = listed.successor[s, a, k]
+        running, s = running[~mdp.terminal[s]], s[~mdp.terminal[s]]
+    return returns, visits

@@ -13,7 +13,6 @@ from thesis_lib.mdp.environment import from_gymnasium
 from thesis_lib.mdp.evaluation import evaluate
 from thesis_lib.mdp.learning import learn
 from thesis_lib.mdp.planning import policy_iteration, soft_policy_iteration, solve, value_iteration
-from thesis_lib.mdp.simulation import follow, simulate
 
 TASKS = {"grid": grid(3), "random": random_mdp(0, terminal=1), "continuing": random_mdp(1)}
 
@@ -192,12 +191,12 @@ def test_an_environment_where_a_task_is_needed_is_told_what_to_pass():
             policy_iteration,
             lambda task: soft_policy_iteration(task, 0.1),
             lambda task: evaluate(task, [0]),
-            lambda task: simulate(task, [0], episodes=1, rng=0),
-            lambda task: follow(task, [0], rng=0),
             TabularEnv,
             lambda task: Domain("mine", [task]),
         ):
             with pytest.raises(ValueError, match=f"a task is needed, but .* pass {instead}"):
                 use(env)
-    with pytest.raises(ValueError, match="lists no transitions"):
+    with pytest.raises(ValueError, match=r"lists no transitions .*; build a TabularMDP"):
         from_gymnasium(pole, 0.9)
+    with pytest.raises(ValueError, match=r"take the one that it holds, env\.unwrapped\.mdp"):
+        from_gymnasium(gymnasium.make("thesis/Triangle-v0"), 0.9)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import quantecon as qe
 
-from tests.mdp.examples import Factored, chain, grid, random_mdp
+from tests.mdp.examples import Factored, chain, grid, random_mdp, simulate
 from thesis_lib.mdp import epsilon_greedy, evaluate, start_value
 from thesis_lib.mdp.evaluation import ends, proper_policy
 
@@ -32,6 +32,23 @@ def test_agrees_with_quantecon(seed):
     policy = np.random.default_rng(seed).integers(4, size=8)
     peer = qe.markov.DiscreteDP(mdp.reward, mdp.transition, mdp.discount).evaluate_policy(policy)
     np.testing.assert_allclose(evaluate(mdp, policy).v, peer, rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    "mdp",
+    [
+        random_mdp(1, terminal=1, discount=1.0),
+        random_mdp(2, terminal=2, discount=0.8),
+        grid(3),
+        chain(3),
+    ],
+    ids=["undiscounted", "discounted", "grid", "chain"],
+)
+def test_monte_carlo_returns_agree_with_the_exact_value(mdp):
+    pi = random_policy(mdp, 0)
+    returns, _ = simulate(mdp, pi, 40_000, seed=5)
+    standard_error = returns.std(ddof=1) / np.sqrt(returns.size)
+    assert abs(returns.mean() - start_value(mdp, pi)) < 4 * standard_error
 
 
 @pytest.mark.parametrize("seed", range(5))

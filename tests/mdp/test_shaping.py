@@ -146,3 +146,11 @@ def test_bad_potentials_are_refused():
         shaped.step(0)
     with pytest.raises(ValueError, match="or a function where they are not counted"):
         PotentialShaping(gymnasium.make("Pendulum-v1"), np.zeros(3), 0.9)
+    with pytest.raises(ValueError, match=r"shape \(16, 4\), .*, or next_action for pairs"):
+        PotentialShaping(env, np.zeros((16, 4)), 0.9)
+    shaped = PotentialShaping(env, lambda s: np.ones(1), 0.9)
+    with pytest.raises(gymnasium.error.ResetNeeded, match="call reset before the first step"):
+        shaped.step(0)
+    shaped.reset(seed=0)
+    with pytest.raises(ValueError, match=r"is \[1.\] at \(0,\), but it must be one finite number"):
+        shaped.step(0)

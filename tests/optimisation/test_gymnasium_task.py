@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 import torch
 
-from thesis_lib.optimisation import TRPO, GymnasiumTask, Learner, collect, run_episodes
+from thesis_lib.optimisation import (
+    TRPO,
+    GymnasiumTask,
+    Learner,
+    collect,
+    gymnasium_task,
+    run_episodes,
+)
 from thesis_lib.policies import make_policy
 from thesis_lib.training.config import TrainConfig, idle_settings
 from thesis_lib.training.grid import run_name
@@ -146,10 +153,32 @@ def test_bad_input_is_one_sentence():
     with pytest.raises(ValueError, match="give dt, in seconds"):
         _ = GymnasiumTask(Silent, 1).dt
     assert GymnasiumTask(Silent, 1, dt=0.5).dt == 0.5
+    for dt in (0, -1, "a"):
+        with pytest.raises(ValueError, match=f"dt is {dt!r}, but it must be"):
+            GymnasiumTask(Countdown, 1, dt=dt)
+    with pytest.raises(ValueError, match="give its id, or a function that makes one"):
+        GymnasiumTask(Countdown(), 1)
     policy = make_policy("ffwd", 3, 1, dt=0.05)
     for env in (gymnasium.make("Pendulum-v1"), gymnasium.make_vec("Pendulum-v1", num_envs=2)):
         with pytest.raises(ValueError, match="pass GymnasiumTask"):
             run_episodes(env, policy)
+
+
+class Endless(Countdown):
+    def step(self, action):
+        seen, reward, _, truncated, info = super().step(action)
+        return seen | {"left": np.zeros(1, np.float32)}, reward, False, truncated, info
+
+
+def test_an_episode_that_never_ends_is_told_and_not_stored_for_ever(monkeypatch):
+    monkeypatch.setattr(gymnasium_task, "ENDLESS", 30)
+    task = GymnasiumTask(Endless, 2)
+    policy = make_policy("ffwd", 5, 2, dt=task.dt)
+    with pytest.raises(ValueError, match=r"not ended in 30 steps, .*: wrap it in gymnasium.wrap"):
+        collect(task, policy, 10, np.random.default_rng(0))
+    task = GymnasiumTask(lambda: gymnasium.wrappers.TimeLimit(Endless(), 40), 2)
+    assert task.max_episode_steps == 40
+    assert collect(task, policy, 10, np.random.default_rng(0)).lengths.tolist() == [40]
 
 
 @pytest.mark.parametrize("architecture", ["ctrnn", "esn", "ffwd"])

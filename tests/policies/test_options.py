@@ -222,3 +222,19 @@ def test_a_parameter_that_is_not_finite_is_named() -> None:
         policy.head.bias[0] = float("nan")
     with pytest.raises(FloatingPointError, match=r"parameter 'head\.bias' of the gru"):
         policy.check_finite()
+
+
+@pytest.mark.parametrize(("constraint", "after"), [("clamp", 0.1), ("softplus", 0.02)])
+def test_only_the_clamp_projects_time_constants_to_the_step(constraint, after):
+    policy = make_policy("ctrnn", 3, 2, dt=0.1, units=2, constraint=constraint)
+    with torch.no_grad():
+        policy.tau_raw.copy_(torch.tensor([0.02, 0.7]))
+    policy.project_()
+    torch.testing.assert_close(policy.tau_raw.detach(), torch.tensor([after, 0.7]))
+
+
+def test_a_net_without_limits_on_its_parameters_projects_nothing():
+    policy = make_policy("dtrnn", 3, 2, dt=0.1)
+    before = policy.parameter_vector()
+    policy.project_()
+    assert torch.equal(policy.parameter_vector(), before)

@@ -261,11 +261,6 @@ def test_least_squares_weights_refuse_moments_of_another_shape():
         potentials.least_squares_weights(np.ones((2, 2)), np.ones((2, 2)))
 
 
-def test_shaping_rewards_by_hand():
-    assert potentials.state_shaping([1.0, 3.0], 0.5, 0, 1) == 0.5 * 3 - 1
-    assert potentials.look_ahead_advice([[1.0, 2.0], [3.0, 4.0]], 0.5, 0, 1, 1, 0) == 0.5 * 3 - 2
-
-
 @pytest.mark.parametrize(
     ("weights", "message"),
     [
@@ -293,3 +288,9 @@ def test_potential_with_missing_pairs(two_tasks):
     phi[2] = np.nan
     with pytest.raises(ValueError, match=r"no value at observation \(code=3\)"):
         two_tasks.scatter_all(phi)
+
+
+def test_constant_potential_is_the_same_number_at_every_pair(two_tasks):
+    constant = potentials.constant_potential(two_tasks, -3)
+    assert constant.dtype == float
+    np.testing.assert_array_equal(constant, [[-3, -3]] * 3)  # observations 1, 2 and 3

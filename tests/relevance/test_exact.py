@@ -15,6 +15,7 @@ from tests.relevance.worlds import (
     distribution,
     exact_k_relevance,
     exact_relevance,
+    forward_relevance,
     kinds,
     labels,
     seeds,
@@ -26,16 +27,15 @@ from thesis_lib.relevance import (
     brute_force_k_relevance,
     cross_task_q,
     domain_relevance,
-    feature_k_relevance,
-    forward_relevance,
     k_relevance,
-    keep,
     list_sequences,
     rate,
     relevance,
     remove,
     second_rate,
 )
+from thesis_lib.relevance.cells import Cells
+from thesis_lib.relevance.exact import explained_combinations, explained_sequences
 
 # Tasks of different sizes that share some pairs: all three cases of the formula occur.
 TASKS = [uniform_task(x=3, y=-1, z=2), uniform_task(x=0, z=5), uniform_task(w=4)]
@@ -178,36 +178,6 @@ def test_tasks_of_probability_zero_do_not_count() -> None:
     np.testing.assert_allclose(with_zero, k_relevance(solutions.take([0, 2]), y, [1, 2, 5]))
 
 
-@settings(deadline=None, max_examples=40)
-@given(seed=seeds, kind=kinds)
-def test_all_features_at_once(seed: int, kind: str) -> None:
-    solutions = world(seed, kind, 4, sizes=(2, 2, 3))
-    k, D = [1, 2, 5], distribution(seed, 4)
-    for removed, rest in (([], [0, 1, 2]), (["f1"], [0, 2])):
-        backward = feature_k_relevance(solutions, k, removed=removed, distribution=D)
-        forward = feature_k_relevance(
-            solutions, [1, 3], removed=removed, replacement=False, direction="forward"
-        )
-        for row, feature in enumerate(rest):
-            chosen = [*removed, feature]
-            np.testing.assert_allclose(
-                backward[row],
-                k_relevance(solutions, remove(solutions, chosen), k, distribution=D),
-                atol=1e-11,
-            )
-            np.testing.assert_allclose(
-                forward[row],
-                k_relevance(
-                    solutions,
-                    keep(solutions, chosen),
-                    [1, 3],
-                    replacement=False,
-                    direction="forward",
-                ),
-                atol=1e-11,
-            )
-
-
 # Invariances.
 
 
@@ -306,3 +276,30 @@ def test_the_rest_after_the_rate_is_of_second_order(kind: str) -> None:
         assert abs(2 * rest[1] - rest[0] - expected) < 0.05 * size
     if kind == "shared":
         assert expected == pytest.approx(0, abs=1e-9)
+
+
+# Two cells; the first task never visits the second, the last never the first.
+APART = Cells(
+    a=np.array([[1.0, 0.0], [2.0, 2.0], [0.0, 6.0]]),
+    b=np.array([[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]]),
+)
+ALIKE = Cells(a=np.array([[1.0, 3.0], [2.0, -1.0]]), b=np.array([[0.25, 0.75]]))
+
+
+def test_explained_mean_square_of_sequences_by_hand() -> None:
+    # tasks 0 and 1; task 2 twice; task 0 twice and task 1
+    counts = [[1, 1, 0], [0, 0, 2], [2, 1, 0]]
+    by_hand = [(3**2 / 1.5 + 2**2 / 0.5) / 2, 12**2 / 2 / 2, (4**2 / 2.5 + 2**2 / 0.5) / 3]
+    assert explained_sequences(APART, counts) == pytest.approx(by_hand)
+    assert explained_sequences(ALIKE, [[1, 1]]) == pytest.approx((3**2 / 0.25 + 2**2 / 0.75) / 4)
+
+
+def test_explained_mean_square_of_combinations_by_hand() -> None:
+    alone = [1, 4 / 0.5 + 4 / 0.5, 36]
+    pairs = [(9 / 1.5 + 4 / 0.5) / 2, (1 + 36) / 2, (4 / 0.5 + 64 / 1.5) / 2]
+    whole = (9 / 1.5 + 64 / 1.5) / 3
+    by_hand = [np.mean(alone), np.mean(pairs), whole]
+    assert explained_combinations(APART, [1, 2, 3]) == pytest.approx(by_hand)
+    alone = [1 / 0.25 + 9 / 0.75, 4 / 0.25 + 1 / 0.75]
+    by_hand = [np.mean(alone), (9 / 0.25 + 4 / 0.75) / 4]
+    assert explained_combinations(ALIKE, [1, 2]) == pytest.approx(by_hand)

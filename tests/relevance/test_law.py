@@ -7,10 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.relevance.worlds import distribution, kinds, labels, seeds, world
+from tests.relevance.worlds import covariance, distribution, kinds, labels, seeds, world
 from thesis_lib.relevance import (
     Solutions,
-    covariance,
     cross_task_q,
     domain_relevance,
     estimate,
@@ -18,9 +17,6 @@ from thesis_lib.relevance import (
     ground,
     k_relevance,
     law,
-    leave_one_out,
-    linear_covariance,
-    partition,
     relevance,
 )
 from thesis_lib.relevance.estimators import compare
@@ -121,9 +117,6 @@ def test_jackknife_by_leaving_out_each_task(seed: int, kind: str, n: int) -> Non
     found = estimate(solutions, y)
     assert found.observed == pytest.approx(everything, abs=1e-11)
     assert found.domain == pytest.approx(n * everything - (n - 1) * np.mean(without), abs=1e-10)
-    np.testing.assert_allclose(
-        leave_one_out(ground(solutions), partition(solutions, y)), without, atol=1e-11
-    )
     if kind == "shared":
         U, b = law(covariance(solutions, y))
         assert found.domain == pytest.approx(U, abs=1e-11)
@@ -159,34 +152,6 @@ def test_increments_add_up(seed: int, kind: str) -> None:
     assert first.domain + second.domain == pytest.approx(whole.domain, abs=1e-10)
 
 
-@settings(deadline=None, max_examples=60)
-@given(seed=seeds)
-def test_linear_functions_obey_the_same_law(seed: int) -> None:
-    solutions = world(seed, "shared", 4, sizes=(3, 3))
-    rng = np.random.default_rng(seed)
-    design = rng.normal(size=(9, 3))
-    B = linear_covariance(solutions, design)
-    U, b = law(B)
-    p = solutions.p[0]
-    root = np.sqrt(p)
-    for k in (1, 2, 3, 4):
-        errors = []
-        for c in combinations(range(4), k):
-            q = solutions.q[list(c)].mean(axis=0)
-            w = np.linalg.lstsq(root[:, None] * design, root * q, rcond=None)[0]
-            errors.append(p @ (q - design @ w) ** 2)
-        assert np.mean(errors) == pytest.approx(U + (b - U) / k, rel=1e-9)
-
-
-def test_an_abstraction_is_a_linear_function_of_its_indicators() -> None:
-    solutions = world(4, "shared", 4)
-    y = labels(4, solutions.n_pairs)
-    indicators = np.eye(3)[y]
-    np.testing.assert_allclose(
-        linear_covariance(solutions, indicators), covariance(solutions, y), atol=1e-11
-    )
-
-
 def test_f_ratio_at_its_edges() -> None:
     constant = Solutions(np.ones((3, 2)), np.full((3, 2), 0.5), np.array([[0], [1]]), ("x",))
     assert estimate(constant, [0, 0]).f_ratio == 0
@@ -202,12 +167,6 @@ def test_f_ratio_at_its_edges() -> None:
 
 def test_bad_input_is_refused() -> None:
     unshared = world(0, "weights")
-    with pytest.raises(ValueError, match="sequence_covariance"):
-        covariance(unshared, [0] * 6)
-    with pytest.raises(ValueError, match="give all tasks the same p"):
-        linear_covariance(unshared, np.eye(6))
-    with pytest.raises(ValueError, match=r"shape \(5, 2\)"):
-        linear_covariance(world(0, "shared"), np.zeros((5, 2)))
     with pytest.raises(ValueError, match="at least 2"):
         estimate(unshared.take([0]), [0] * 6)
     with pytest.raises(ValueError, match="square matrix"):

@@ -5,17 +5,15 @@ from itertools import product
 import numpy as np
 import pytest
 
-from tests.relevance.worlds import world
+from tests.relevance.worlds import covariance, world
 from thesis_lib.relevance import (
     Basis,
     Solutions,
-    covariance,
     estimate,
     estimate_from,
     feature_basis,
     increment_covariance,
     linear_class,
-    linear_covariance,
     linear_k_relevance,
     list_sequences,
     remove,
@@ -37,6 +35,14 @@ def error(columns: np.ndarray, q: np.ndarray, p: np.ndarray) -> float:
     gram = columns.T @ (p[:, None] * columns)
     weights = np.linalg.pinv(gram) @ (columns.T @ (p * q))
     return float(p @ (q - columns @ weights) ** 2)
+
+
+def residual_covariance(solutions: Solutions, columns: np.ndarray) -> np.ndarray:
+    """Weighted products of what least-squares fits of the tasks by some columns leave."""
+    root = np.sqrt(solutions.p[0])[:, None]
+    fitted = columns @ np.linalg.lstsq(root * columns, root * solutions.q.T, rcond=None)[0]
+    left = root * (solutions.q.T - fitted)
+    return left.T @ left
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -134,8 +140,8 @@ def test_increments_add_up_to_the_residual_covariance() -> None:
     solutions = tasks(4)
     basis = feature_basis(solutions, "action")
     kept = np.array([False, True, True])
-    outer = linear_covariance(solutions, basis.columns)
-    inner = linear_covariance(solutions, basis.columns[:, basis.within(kept)])
+    outer = residual_covariance(solutions, basis.columns)
+    inner = residual_covariance(solutions, basis.columns[:, basis.within(kept)])
     np.testing.assert_allclose(
         increment_covariance(solutions, basis, kept), inner - outer, atol=1e-12
     )
@@ -159,7 +165,7 @@ def test_a_basis_without_a_constant_fits_the_values_and_not_their_spread() -> No
     rises = [error(columns[:, :1], row, p) - error(columns, row, p) for row in q]
     got = linear_k_relevance(solutions, basis, kept, 1)
     assert got == pytest.approx(np.mean(rises), rel=1e-9)
-    B = linear_covariance(solutions, columns[:, :1]) - linear_covariance(solutions, columns)
+    B = residual_covariance(solutions, columns[:, :1]) - residual_covariance(solutions, columns)
     np.testing.assert_allclose(increment_covariance(solutions, basis, kept), B, rtol=1e-9)
 
 

@@ -9,8 +9,8 @@ from thesis_lib.relevance import (
     Solutions,
     cross_task_q,
     domain_relevance,
-    feature_k_relevance,
     k_relevance,
+    keep,
     relevance,
     remove,
     sampled_k_relevance,
@@ -26,8 +26,8 @@ def cheap_triangle(penalty: float) -> Domain:
 def test_figure_41_shows_forward_relevance() -> None:
     domain = solved(triangle)
     names = domain.feature_names
-    forward = dict(zip(names, feature_k_relevance(domain, K, direction="forward"), strict=True))
-    backward = dict(zip(names, feature_k_relevance(domain, K), strict=True))
+    forward = {f: k_relevance(domain, keep(domain, [f]), K, direction="forward") for f in names}
+    backward = {f: k_relevance(domain, remove(domain, [f]), K) for f in names}
     # "While the relevance of the action a and distance feature x2 decreases, these features
     # remain domain relevant.  Relevance of the position feature x1 ... disappears completely."
     for curves, decreasing in ((forward, True), (backward, False)):
@@ -53,8 +53,9 @@ def test_steps_of_relevance_can_grow_on_the_triangle() -> None:
 def test_stock_obeys_the_law(g: int) -> None:
     domain = solved(stock, 1, 2, g)
     assert domain.shared
-    curves = feature_k_relevance(domain, K)
-    limits = [domain_relevance(domain, remove(domain, [f])) for f in domain.feature_names]
+    removed = [remove(domain, [f]) for f in domain.feature_names]
+    curves = np.array([k_relevance(domain, labels, K) for labels in removed])
+    limits = [domain_relevance(domain, labels) for labels in removed]
     expected = np.array(limits)[:, None] + (curves[:, :1] - np.array(limits)[:, None]) / K
     np.testing.assert_allclose(curves, expected, atol=1e-12)
 

@@ -7,6 +7,7 @@ from typing import Literal, get_args
 
 import numpy as np
 from hypothesis import strategies as st
+from numpy.typing import ArrayLike
 
 from thesis_lib.relevance import Solutions
 
@@ -89,3 +90,21 @@ def as_solutions(tasks: Sequence[Task]) -> tuple[Solutions, list[str]]:
     q = np.array([[float(t[x][1]) if x in t else np.nan for x in pairs] for t in tasks])
     p = np.array([[float(t[x][0]) if x in t else 0.0 for x in pairs] for t in tasks])
     return Solutions(q, p, np.arange(len(pairs))[:, None], ("x",)), pairs
+
+
+def forward_relevance(y: ArrayLike, q: np.ndarray, p: np.ndarray) -> float:
+    """What an abstraction explains (algorithm 9): the variance of the means of its cells."""
+    cell = np.unique(y, return_inverse=True)[1]
+    mass = np.bincount(cell, p)
+    total = np.bincount(cell, np.where(p > 0, p * q, 0.0))
+    mean = np.divide(total, mass, out=np.zeros_like(mass), where=mass > 0)
+    return float(mass @ (mean - total.sum()) ** 2)
+
+
+def covariance(solutions: Solutions, y: ArrayLike) -> np.ndarray:
+    """B_ij, the sum over cells of p(y) Cov(Q_i, Q_j | y), of tasks that share p(x|m)."""
+    assert solutions.shared
+    p, cell = solutions.p[0], np.unique(y, return_inverse=True)[1]
+    mean = np.stack([np.bincount(cell, p * q) for q in solutions.q]) / np.bincount(cell, p)
+    rest = solutions.q - mean[:, cell]
+    return (p * rest) @ rest.T

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
 
-from tests.relevance.worlds import distribution, labels, world
-from thesis_lib.relevance import covariance, cross_task_q, estimate, k_relevance, law, relevance
+from tests.relevance.worlds import covariance, distribution, labels, world
+from thesis_lib.relevance import cross_task_q, estimate, k_relevance, law, relevance
 from thesis_lib.selection import (
     FSTEK,
     fit_exponential,

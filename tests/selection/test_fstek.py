@@ -13,9 +13,7 @@ from thesis_lib.domains import stock, triangle
 from thesis_lib.relevance import (
     Solutions,
     cross_task_q,
-    forward_relevance,
     k_relevance,
-    keep,
     relevance,
     remove,
 )
@@ -110,10 +108,6 @@ def test_bkr_and_fr_are_algorithms_8_and_9(seed: int, kind: str) -> None:
                 np.testing.assert_allclose(got, expected, atol=1e-9)
     for chosen in ([], [0], [0, 2]):
         assert fr(solutions, chosen) == pytest.approx(reference.fr(tasks, chosen), abs=1e-9)
-        q, p = cross_task_q(solutions)
-        assert fr(solutions, chosen) == pytest.approx(
-            forward_relevance(keep(solutions, chosen), q, p), abs=1e-9
-        )
 
 
 def test_bkr_samples_no_more_sequences_than_asked_for() -> None:

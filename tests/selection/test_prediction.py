@@ -23,7 +23,14 @@ def mean_by_cell(tasks: list[dict], keys: list[int]) -> dict:
     return {y: total[y] / mass[y] for y in mass}
 
 
-def by_definition(solutions: Solutions, feature: int) -> tuple[float, float, float]:
+def mean_of(tasks: list[dict]) -> float:
+    """Weighted mean of some tasks' values over all pairs."""
+    return mean_by_cell(tasks, [])[()]
+
+
+def by_definition(
+    solutions: Solutions, feature: int, unseen: float | str = "coarser"
+) -> tuple[float, float, float]:
     """Mean squared error without and with the feature, and the spread of the two predictions."""
     tasks = [
         {
@@ -39,11 +46,12 @@ def by_definition(solutions: Solutions, feature: int) -> tuple[float, float, flo
     for i, task in enumerate(tasks):
         others = tasks[:i] + tasks[i + 1 :]
         fine, coarse = mean_by_cell(others, every), mean_by_cell(others, fewer)
+        value = mean_of(others) if isinstance(unseen, str) else unseen
         for x, (p, q) in task.items():
             y = tuple(x[k] for k in fewer)
-            # A cell that nobody else visits is predicted by what there is.
-            c = coarse.get(y, 0.0)
-            f = fine.get(x, c)
+            c = coarse.get(y, value)
+            # Of a cell that nobody else visits.
+            f = fine.get(x, c if unseen == "coarser" else value)
             without += p * (q - c) ** 2 / len(tasks)
             with_it += p * (q - f) ** 2 / len(tasks)
             spread += p * (f - c) ** 2 / len(tasks)
@@ -51,13 +59,20 @@ def by_definition(solutions: Solutions, feature: int) -> tuple[float, float, flo
 
 
 @settings(deadline=None, max_examples=80)
-@given(seed=seeds, kind=kinds, n=st.integers(2, 6), feature=st.integers(0, 2))
+@given(
+    seed=seeds,
+    kind=kinds,
+    n=st.integers(2, 6),
+    feature=st.integers(0, 2),
+    unseen=st.sampled_from(["coarser", "mean", 0.0, -3.0]),
+)
 def test_left_out_is_the_difference_of_squared_errors(
-    seed: int, kind: str, n: int, feature: int
+    seed: int, kind: str, n: int, feature: int, unseen: float | str
 ) -> None:
     solutions = world(seed, kind, n, sizes=(2, 2, 3))
-    gained, spent = left_out(ground(solutions), feature)
-    without, with_it, spread = by_definition(solutions, feature)
+    value = unseen if isinstance(unseen, str) else unseen - solutions.centre
+    gained, spent = left_out(ground(solutions), feature, value)
+    without, with_it, spread = by_definition(solutions, feature, unseen)
     assert 2 * gained - spent == pytest.approx(without - with_it, abs=1e-8)
     assert spent == pytest.approx(spread, abs=1e-8)
 
@@ -77,10 +92,11 @@ def test_with_shared_p_cross_validation_is_a_threshold_on_f(
     assume(abs(F - threshold) > 1e-6)
     without, with_it, _ = by_definition(solutions, feature)
     assert (without <= with_it) == (threshold >= F)
-    gained, spent = left_out(ground(solutions), feature)
-    assert gained / spent == pytest.approx((F - 1) / (F - 1 + n / (n - 1)), abs=1e-6)
-    check = LeaveOneTaskOut().fit(solutions).history_[0].checks[feature]
-    assert (check.verdict == "remove") == (threshold >= F)
+    for unseen in ("coarser", "mean", 0.0):
+        gained, spent = left_out(ground(solutions), feature, unseen)
+        assert gained / spent == pytest.approx((F - 1) / (F - 1 + n / (n - 1)), abs=1e-6)
+        check = LeaveOneTaskOut(unseen).fit(solutions).history_[0].checks[feature]
+        assert (check.verdict == "remove") == (threshold >= F)
 
 
 def test_by_hand() -> None:
@@ -99,6 +115,24 @@ def test_by_hand() -> None:
     assert fitted.weights_ == pytest.approx([0.6])
 
 
+def test_a_cell_that_the_others_do_not_visit_by_hand() -> None:
+    """One task visits (0, 0) and (0, 1), of values 2 and 10; one (0, 0) and (1, 0), of 4 and 6."""
+    features = np.array([[0, 0], [0, 1], [1, 0]])
+    q, p = np.array([[2.0, 10, np.nan], [4, np.nan, 6]]), np.array([[0.5, 0.5, 0], [0.5, 0, 0.5]])
+    solutions = Solutions(q, p, features, ("f", "g"))
+    # Task 1 left out: at (0, 0) f predicts 4 and c 5 of 2, so N = .5 * 3 * 1 and D = .5; at (0, 1)
+    # both predict the value there.  Task 2: at (0, 0) both predict 2; at (1, 0) c predicts 2 of 6,
+    # and f 2 ("coarser"), 6 (the mean of 2 and 10; N = .5 * 4 * 4) or 0 (N = -.5 * 4 * 2).
+    cells = ground(solutions)
+    assert left_out(cells, 0, "coarser") == pytest.approx((0.75, 0.25))
+    assert left_out(cells, 0, "mean") == pytest.approx(((1.5 + 8) / 2, (0.5 + 8) / 2))
+    assert left_out(cells, 0, -solutions.centre) == pytest.approx(((1.5 - 4) / 2, (0.5 + 2) / 2))
+    kept = {u: LeaveOneTaskOut(u).fit(solutions) for u in ("coarser", "mean", 0.0, 6.0)}
+    first = {u: s.history_[0].checks[0].verdict for u, s in kept.items()}
+    assert first == {"coarser": "keep", "mean": "keep", 0.0: "remove", 6.0: "keep"}
+    assert LeaveOneTaskOut().unseen == 0.0
+
+
 @pytest.mark.parametrize("n", [3, 6, 15])
 def test_how_often_an_irrelevant_feature_stays(n: int) -> None:
     """For one Gaussian direction: the chance of a squared Student t above 1 + n/(n - 1)."""
@@ -110,13 +144,18 @@ def test_how_often_an_irrelevant_feature_stays(n: int) -> None:
 
 
 @pytest.mark.parametrize("kind", ["shared", "weights", "subsets"])
-def test_the_gain_is_unbiased_for_the_next_task(kind: str) -> None:
+@pytest.mark.parametrize("unseen", ["coarser", "mean", 0.0])
+def test_the_gain_is_unbiased_for_the_next_task(kind: str, unseen: float | str) -> None:
     """Its mean over all sequences of n tasks is the gain of n - 1 tasks on a further one."""
     domain = world(11, kind, 3, sizes=(2, 2))
     sequences = [[i, j, k] for i in range(3) for j in range(3) for k in range(3)]
-    estimated = np.mean(
-        [2 * g - s for c in sequences for g, s in [left_out(ground(domain.take(c)), 0)]]
-    )
+    gains = []
+    for c in sequences:
+        own = domain.take(c)
+        value = unseen if isinstance(unseen, str) else unseen - own.centre
+        gained, spent = left_out(ground(own), 0, value)
+        gains.append(2 * gained - spent)
+    estimated = np.mean(gains)
     true = 0.0
     rows = domain.features.tolist()
     for i, j, k in sequences:
@@ -129,10 +168,11 @@ def test_the_gain_is_unbiased_for_the_next_task(kind: str) -> None:
             for m in (i, j)
         ]
         fine, coarse = mean_by_cell(tables, [0, 1]), mean_by_cell(tables, [1])
+        value = mean_of(tables) if isinstance(unseen, str) else unseen
         for x, p, q in zip(rows, domain.p[k], domain.q[k], strict=True):
             if p > 0:
-                c = coarse.get((x[1],), 0.0)
-                f = fine.get(tuple(x), c)
+                c = coarse.get((x[1],), value)
+                f = fine.get(tuple(x), c if unseen == "coarser" else value)
                 true += p * ((q - c) ** 2 - (q - f) ** 2) / 27
     assert estimated == pytest.approx(true, abs=1e-9)
 
@@ -190,6 +230,10 @@ def test_bad_input() -> None:
     solutions = planted(np.random.default_rng(0), 3)
     with pytest.raises(ValueError, match="weight 'none' does not exist"):
         Shrinkage("none").fit(solutions)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="unseen 'zero' does not exist"):
+        LeaveOneTaskOut("zero").fit(solutions)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="unseen is nan, but a finite number"):
+        LeaveOneTaskOut(float("nan")).fit(solutions)
     for selector in (LeaveOneTaskOut(), Shrinkage()):
         with pytest.raises(ValueError, match="at least 2"):
             selector.fit(solutions.take([0]))

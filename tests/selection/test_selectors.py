@@ -21,6 +21,7 @@ from tests.relevance.worlds import world
 from tests.selection.examples import planted, solved
 from thesis_lib.domains import stock, triangle
 from thesis_lib.relevance import Solutions, domain_relevance, k_relevance, remove
+from thesis_lib.relevance.cells import FeatureCells
 from thesis_lib.selection import (
     FSTEK,
     IBKR,
@@ -39,6 +40,7 @@ from thesis_lib.selection import (
     rates,
     triangle_alpha,
 )
+from thesis_lib.selection.base import forward_strength
 
 SELECTORS = [
     FSTEK(alpha=triangle_alpha, max_seqs=20),
@@ -366,3 +368,14 @@ def test_rates_by_hand() -> None:
     assert np.isnan(rates([True], [False])[1])
     with pytest.raises(ValueError, match=r"truth \(3,\)"):
         rates([True, False], truth)
+
+
+def test_forward_strength_by_hand() -> None:
+    # Two features of two values, each pair with weight 1/4; what is explained is sum a^2 / b.
+    a, b = np.array([[1.0, 0.0, 3.0, 2.0]]), np.full((1, 4), 0.25)
+    pooled = FeatureCells(a, b, (0, 1), np.arange(4), (2, 2))
+    nothing = 6**2
+    assert forward_strength(pooled, []) == 0
+    assert forward_strength(pooled, [0]) == pytest.approx((1 + 5**2) / 0.5 - nothing)
+    assert forward_strength(pooled, [1]) == pytest.approx((4**2 + 2**2) / 0.5 - nothing)
+    assert forward_strength(pooled, [0, 1]) == pytest.approx((1 + 9 + 4) / 0.25 - nothing)

@@ -3,12 +3,14 @@
 from pathlib import Path
 
 import av
+import gymnasium
 import numpy as np
 import pandas as pd
 import pytest
 import torch
 from PIL import Image
 
+from thesis_lib import cli
 from thesis_lib.locomotion.perturbations import (
     ActionDelay,
     ActuatorFailure,
@@ -268,3 +270,45 @@ def test_bad_arguments(cheetah: Path, tmp_path: Path) -> None:
         film(cheetah, tmp_path / "run.mov")
     with pytest.raises(ValueError, match="the runs are 0 to 2"):
         film(cheetah, tmp_path / "run.gif", SHORT, run=3)
+
+
+# ------------------------------------------------------------- an environment of Gymnasium's
+@pytest.fixture(scope="module")
+def pendulum() -> Training:
+    return train(TrainConfig("Pendulum-v1", architecture="gru", batch_steps=40, horizon=20,
+                             iterations=1))  # fmt: skip
+
+
+def test_returns_on_an_environment_are_those_of_the_greedy_policy(pendulum: Training) -> None:
+    table = evaluate(pendulum, EvaluateConfig(runs=2, steps=30, seed=4))
+    assert table.length.tolist() == [30, 30]
+    assert not table.terminated.any()
+    for i, seed in enumerate(np.random.SeedSequence(4).generate_state(2)):
+        env = gymnasium.make("Pendulum-v1")
+        seen, _ = env.reset(seed=int(seed))
+        state, action, total = pendulum.policy.initial_state(1), torch.zeros(1, 1), 0.0
+        for _ in range(30):
+            with torch.no_grad():
+                action, state = pendulum.policy.step(torch.from_numpy(seen[None]), action, state)
+            seen, reward, *_ = env.step(2 * action[0].clamp(-1, 1).numpy())  # bounds in Nm
+            total += float(reward)
+        assert table["return"][i] == pytest.approx(total, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    "given", [{"terrain": "hill"}, {"perturbations": ("WhiteNoise()",)}, {"termination": "never"}]
+)
+def test_what_only_a_robot_has_is_refused_elsewhere(pendulum: Training, given: dict) -> None:
+    with pytest.raises(
+        ValueError, match=f"Pendulum-v1 is no robot's name.*: leave {next(iter(given))}"
+    ):
+        evaluate(pendulum, EvaluateConfig(**given))
+
+
+def test_no_film_is_made_of_what_is_no_robot(pendulum: Training, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"Pendulum-v1 is no robot's name.*: leave film out"):
+        film(pendulum, tmp_path / "run.gif", SHORT)
+    pendulum.save(tmp_path / "run")
+    command = ["evaluate", str(tmp_path / "run"), "--film", str(tmp_path / "run.gif")]
+    assert cli.main(command) == 2
+    assert not (tmp_path / "run.gif").exists()

@@ -1,6 +1,8 @@
 """Tests of all policies of a store: each as if it were tested alone, and which of them counts."""
 
 import dataclasses
+import hashlib
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,6 +18,7 @@ from scipy import stats
 from thesis_lib import cli
 from thesis_lib.checks import ForeseenError
 from thesis_lib.training import suite
+from thesis_lib.training.checkpoint import code_digest
 from thesis_lib.training.config import TrainConfig
 from thesis_lib.training.curves import LAST, write
 from thesis_lib.training.evaluation import EvaluateConfig, acting, evaluate
@@ -212,8 +215,15 @@ def test_the_command(store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
     assert cli.main(["test-policies", str(store / "runs"), *arguments, *out]) == 0
     table = pd.read_parquet(tmp_path / "out" / "tests.parquet")
     assert len(table) == len(CONFIGS) * 2 * 2
-    assert (tmp_path / "out" / "tests.json").exists()
+    record = json.loads((tmp_path / "out" / "tests.json").read_text())
+    assert record["policies"] is None  # a folder of runs is no file
+    assert record["code"] not in ("", code_digest())  # that of a test holds more than a run's
     assert "HalfCheetah" in capsys.readouterr().out
+    file = store / "out" / "policies.pt"
+    assert cli.main(["test-policies", str(file), *arguments, *out]) == 0
+    record = json.loads((tmp_path / "out" / "tests.json").read_text())
+    assert record["policies"] == hashlib.sha256(file.read_bytes()).hexdigest()
+    capsys.readouterr()
     some = ["test-policies", str(store / "runs"), *arguments]
     some += ["--names", "*-ffwd-*", run_name(CONFIGS[2])]
     assert cli.main([*some, *out]) == 2

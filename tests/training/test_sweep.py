@@ -5,7 +5,9 @@ import dataclasses
 import errno
 import fcntl
 import json
+import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -43,14 +45,31 @@ from thesis_lib.training.curves import (
     write,
 )
 from thesis_lib.training.grid import GRID_COLUMNS, Grid, key, parse_variant, run_name
-from thesis_lib.training.plan import STEP_COST, cost, makespan, memory, plan
+from thesis_lib.training.plan import STEP_COST, cost, makespan, memory, not_measured, plan
 from thesis_lib.training.store import Store
-from thesis_lib.training.sweep import Outcome, in_order, sweep
+from thesis_lib.training.sweep import Outcome, _Line, in_order, sweep
 from thesis_lib.training.train import train
 from thesis_lib.training.trained import TrainedPolicies
 
 SMALL = TrainConfig(batch_steps=100, horizon=20, iterations=3, checkpoint_every=1)
 TIMES = ["sampling_seconds", "update_seconds", "wall_seconds"]
+
+
+def test_a_terminal_shows_how_far_all_runs_are_by_what_they_cost(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    long = dataclasses.replace(SMALL, seed=1, iterations=9)  # 9 of the 12 iterations
+    for terminal, shown in ((False, []), (True, ["0%", "8%", "25%", "25%", "100%"])):
+        monkeypatch.setattr("sys.stderr.isatty", lambda terminal=terminal: terminal)
+        line = _Line([SMALL, long], {run_name(SMALL): 0, run_name(long): 0})
+        line.iteration(run_name(SMALL), 1)
+        line.ended(Outcome(SMALL))
+        line.iteration(run_name(long), 0)
+        line.ended(Outcome(long, "broke"))
+        text = capsys.readouterr().err
+        assert re.findall(r"\d+%", text) == shown
+    told = re.findall(r"(\d) of 2 runs done, (\d) running(, 1 failed)?", text)
+    assert ["".join(of) for of in told] == ["01", "10", "11", "10, 1 failed"]
 
 
 @pytest.fixture(scope="module")
@@ -308,6 +327,9 @@ def test_what_runs_cost() -> None:
     assert memory(run) == 1.0
     assert memory(TrainConfig(task="Ant", architecture="esn")) == pytest.approx(1.6)
     assert all(len(nets) == 7 for nets in STEP_COST.values())
+    elsewhere = TrainConfig("Pendulum-v1", architecture="gru")
+    guessed = ["Pendulum-v1 (flat)", "dffwd-softplus"]
+    assert not_measured([run, elsewhere, other, elsewhere]) == guessed
 
     table = plan([run, run, dataclasses.replace(run, terrain="hill")])
     assert table.runs.tolist() == [2, 1]
@@ -659,3 +681,22 @@ def test_a_script_without_a_guard_says_what_it_lacks(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert "ValueError: the processes that are to work could not be started" in done.stderr
     assert 'under `if __name__ == "__main__":`' in done.stderr.splitlines()[-1]
+
+
+def test_a_plan_shows_the_jobs_of_slurm(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By dask-jobqueue itself: a job a run, on one core, with the memory that runs need."""
+    asked = ["sweep", "--tasks", "half-cheetah", "--architectures", "ffwd", "gru", "--seeds", "0"]
+    asked += ["--out", str(tmp_path), "--runs-in", str(tmp_path / "runs"), "--plan"]
+    assert cli.main([*asked, "--scheduler", "slurm"]) == 0
+    shown = capsys.readouterr().out
+    runs = [TrainConfig("HalfCheetah", architecture=net) for net in ("ffwd", "gru")]
+    megabytes = math.ceil(math.ceil(max(map(memory, runs))) * 1e9 / 2**20)
+    assert "#SBATCH --cpus-per-task=1" in shown
+    assert f"#SBATCH --mem={megabytes}M" in shown
+    assert "--nthreads 1 " in shown
+    assert not (tmp_path / "runs").exists() or not list((tmp_path / "runs").iterdir())
+    monkeypatch.setitem(sys.modules, "dask_jobqueue", None)  # as where it is not installed
+    assert cli.main([*asked, "--scheduler", "slurm"]) == 2
+    assert "pip install 'thesis_lib[slurm]'" in capsys.readouterr().err

@@ -104,7 +104,6 @@ def draw_chain(
     task: TabularMDP,
     places: Sequence[Point],
     *,
-    labels: Sequence[str] | None = None,
     title: str = "",
     ax: Axes | None = None,
 ) -> Axes:
@@ -118,8 +117,6 @@ def draw_chain(
         Its first two actions are drawn.
     places
         Where the states are.
-    labels
-        Names of the states; default 1, 2, ...
     title
         Above the graph.
     ax
@@ -130,12 +127,11 @@ def draw_chain(
     Axes
     """
     ax = blank(ax, 3.4, 3.0)
-    names = labels or [str(s + 1) for s in range(task.n_states)]
     middle = np.mean(places, axis=0)
     for s, at in enumerate(places):
         if task.terminal[s]:
             ax.add_patch(Circle(at, NODE + 0.07, facecolor="white", edgecolor=INK, linewidth=1.0))
-        node(ax, at, names[s])
+        node(ax, at, str(s + 1))
     for s in range(task.n_states):
         if task.terminal[s]:
             continue

@@ -57,5 +57,8 @@ def _told(space: Space) -> str:
     if isinstance(space, Discrete):
         return f"{space.n} numbers"
     assert isinstance(space, Box), space
-    ends = "" if abs(space.high).max() > 1e3 else f" in [{space.low.min():g}, {space.high.max():g}]"
+    ends = ""
+    if abs(space.high).max() <= 1e3:
+        pairs = dict.fromkeys(zip(space.low.tolist(), space.high.tolist(), strict=True))
+        ends = f" in {', '.join(f'[{low:g}, {high:g}]' for low, high in pairs)}"
     return f"{space.shape[0]} reals{ends}"

@@ -81,7 +81,7 @@ def scoreboard_markdown(judged: Sequence[Judgement]) -> str:
     theirs = [j for j in listed if not j.claim.ours]
     title = "Every claim of the thesis, in its order"
     lines += _claims(theirs, earlier, title, name="tbl-claims", look="ledger")
-    lines += [*flips, *mended]
+    lines += [*flips, *_deeper(judged), *mended]
     if ours := [j for j in listed if j.claim.ours]:
         title = "Claims of our own, which the thesis at most implies or our runs suggested"
         lines += [f":::::{{dropdown}} {title}"]
@@ -114,11 +114,10 @@ def _claim(j: Judgement, *, earlier: bool, repeats: str = "") -> list[str]:
     about += ["headline"] * claim.headline
     about += ["identity"] * (claim.kind == "identity")
     deep = {f.stem for f in committed().glob("*.json")} if "thesis" in j.budget else set()
-    made = [f"thesis run {e}" + " --budget thesis" * (e in deep) for e in claim.experiments]
-    made = made or [f"thesis claims {claim.id}"]
     usual = j.budget in ("book", "exact")
-    source = [", ".join(f"`{m}`" for m in made) + ("" if usual else f" (budget: {j.budget})")]
-    source += [f"ID {claim.id}"] * bool(claim.experiments)
+    source = [f"`thesis claims {claim.id}{' --seeds 10' * bool(claim.experiments)}`"]
+    source += [f"shown is `thesis run {e} --budget thesis`" for e in claim.experiments if e in deep]
+    source[-1] += "" if usual else f" (budget: {j.budget})"
     source += [f"shown in {link(claim.figure)}"] if claim.figure else []
     source += ["the verdicts over draws are of earlier code or runs"] * earlier
     same = f"That of [the claim {repeats}](#claim-{repeats})."
@@ -132,7 +131,7 @@ def _claim(j: Judgement, *, earlier: bool, repeats: str = "") -> list[str]:
     ]
     return [
         f"* - {j.verdict.badge}",
-        *([f"    {j.over.frequency}"] if j.over else []),
+        *([f"    {j.over.frequency}"] if j.over and j.verdict is not Verdict.NOT_RUN else []),
         f"  - (claim-{claim.id})=",
         f"    {typeset(claim.statement)}",
         *_dropdown(_Folded("Evidence", details)),
@@ -178,7 +177,8 @@ def findings_markdown(judged: Sequence[Judgement]) -> str:
         "",
     ]
     lines += [
-        f"- {typeset(j.claim.statement)} [{str(j.verdict).capitalize()}](#claim-{j.claim.id})."
+        f"- {typeset(j.claim.statement)} [{str(j.verdict).capitalize()}](#claim-{j.claim.id})"
+        f"{f' ({there} by a table of more runs)' if (there := _by_more_runs(j)) else ''}."
         for j in judged
         if j.claim.headline and not j.claim.ours
     ]
@@ -274,7 +274,9 @@ def _tally(judged: Iterable[Judgement]) -> list[str]:
     """How many claims have which verdict, and how often it came out."""
     judged = list(judged)
     evidence = [j for j in judged if _counts(j)]
-    identities = sum(j.claim.kind == "identity" and not j.claim.ours for j in judged)
+    identities = sum(
+        j.claim.kind == "identity" and not (j.claim.ours or j.claim.rests_on) for j in judged
+    )
     ours = sum(j.claim.ours for j in judged)
     repeated = sum(bool(j.claim.rests_on) for j in judged)
     lines = ["| verdict | claims | how often it came out |", "| :-- | --: | :-- |"]
@@ -366,8 +368,31 @@ def _by_earlier_code(judgement: Judgement) -> bool:
     return over is not None and over.code != roots.code_of_claim(claim, over.budget)
 
 
+def _by_more_runs(judgement: Judgement) -> Verdict | None:
+    """The verdict on a committed table of more runs than the others had, where it is another."""
+    over = judgement.over
+    deeper = "thesis" in judgement.budget and over is not None and "thesis" not in over.budget
+    return judgement.here if deeper else None
+
+
+def _deeper(judged: Iterable[Judgement]) -> list[str]:
+    """The claims on which a committed table of more runs gives another verdict."""
+    found = [
+        f"- {_named(j.claim)}: {j.in_words().replace('; here ', '; there ')}."
+        for j in judged
+        if _by_more_runs(j)
+    ]
+    if not found:
+        return []
+    claims = f"{len(found)} claim{'s read' if len(found) > 1 else ' reads'}"
+    title = f"By a table of more runs, made at the thesis's budget, {claims} otherwise"
+    return [f":::::{{dropdown}} {title}", *found, ":::::", ""]
+
+
 def _frequency_class(judgement: Judgement) -> str:
     over = judgement.over
+    if judgement.verdict is Verdict.NOT_RUN:
+        return ""
     if over is None:
         return "waiting" if judgement.claim.experiments else "exact"
     if over.exact:

@@ -56,7 +56,7 @@ def mutants_markdown(mutants: pd.DataFrame) -> str:
             f"| {m.mutant} | `{m.file}` | {'yes' if m.caught else 'no'} "
             f"| {_moved(_text(m.verdicts))}"
             f"{f' (none: {m.reason})' if _text(m.reason) else ''} "
-            f"| {_commit(m.commit)} | {_since(m)} |"
+            f"| {short_commit(m.commit)} | {_since(m)} |"
             for m in mutants.itertuples()
         ),
     ]
@@ -73,7 +73,7 @@ def _moved(verdicts: str) -> str:
     return re.sub(r"error: [^;]*", STOPS, verdicts.replace("->", "→"))
 
 
-def _commit(commit: str) -> str:
+def short_commit(commit: str) -> str:
     """Eight digits of a commit, with the plus sign of one with changes on top."""
     if commit == "unknown":
         return "not recorded"

@@ -5,7 +5,7 @@ defined.  One that the reference does not describe, such as a field or an experi
 is looked up in the package itself and shown as code; one that does not exist there either stays
 unresolved, and the build fails.  Names of other libraries in docstrings are shown as they are:
 there is no network to look them up in.  On the page Notation plain code is looked up, too.
-Attributes that share a line are told apart.
+Attributes that share a line are told apart, and none takes the words before a colon for its type.
 """
 
 from __future__ import annotations
@@ -112,9 +112,21 @@ def tell_attributes_apart() -> None:
     NumpyDocstring._parse_attributes_section = parse_each  # type: ignore[method-assign, assignment]
 
 
+def keep_first_words() -> None:
+    """Let napoleon read an attribute's own docstring as text, whatever stands before a colon."""
+    from sphinx.ext.napoleon.docstring import NumpyDocstring
+
+    def whole(docstring: Any) -> tuple[str, list[str]]:
+        lines = docstring._dedent(docstring._consume_to_end())
+        return "", NumpyDocstring(lines, docstring._config).lines()
+
+    NumpyDocstring._consume_inline_attribute = whole  # type: ignore[method-assign, assignment]
+
+
 def setup(app: Any) -> dict[str, bool]:
     """Register with Sphinx."""
     tell_attributes_apart()
+    keep_first_words()
     app.connect("doctree-read", _link_notation)
     app.connect("missing-reference", _resolve)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

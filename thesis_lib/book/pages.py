@@ -23,7 +23,7 @@ from thesis_lib.book.ledger import (
     scoreboard_markdown,
     squares_markdown,
 )
-from thesis_lib.book.mutants import mutants_markdown
+from thesis_lib.book.mutants import mutants_markdown, short_commit
 from thesis_lib.book.thesis_items import ITEMS, items_markdown, read_items
 from thesis_lib.edition import deepest
 from thesis_lib.edition.chapters import differences, find
@@ -93,7 +93,7 @@ def status_markdown(runs: Sequence[Run]) -> str:
             f"| {{doc}}`../notebooks/{m['name']}` "
             f"| {m['parameters']['budget']} "
             f"| {m['parameters']['seed']} | {_duration(m['seconds'])} "
-            f"| [{m['started'][:10]}]{{.day}} | {_short_commit(m['commit'])} | {m['digest'][:8]} |"
+            f"| [{m['started'][:10]}]{{.day}} | {short_commit(m['commit'])} | {m['digest'][:8]} |"
         )
     lines += ["::::", ""]
     machines = sorted({str(run.manifest["machine"]) for run in runs})
@@ -139,7 +139,7 @@ def deepest_markdown(records: Sequence[Mapping[str, Any]]) -> str:
             since = "as it was" if code == made_by else "changed"
         lines.append(
             f"| {experiment.item} | {_duration(record['cpu_seconds'])} "
-            f"| [{record['started'][:10]}]{{.day}} | {_short_commit(record['commit'])} | {since} |"
+            f"| [{record['started'][:10]}]{{.day}} | {short_commit(record['commit'])} | {since} |"
         )
     return "\n".join([*lines, "::::", ""])
 
@@ -160,7 +160,7 @@ def drills_markdown(drills: pd.DataFrame) -> str:
         "| :-- | :-- | --: | :-- | :-- |",
         *(
             f"| `{d.command}` | {d.drill} | {d.good} of {d.of} "
-            f"| {_short_commit(d.commit)} | [{d.day}]{{.day}} |"
+            f"| {short_commit(d.commit)} | [{d.day}]{{.day}} |"
             for d in drills.itertuples()
         ),
     ]
@@ -171,8 +171,3 @@ def _duration(seconds: float) -> str:
     """A duration for people: ``42 s`` or ``3:05 min``."""
     whole = round(seconds)
     return f"{whole} s" if whole < 60 else f"{whole // 60}:{whole % 60:02d} min"
-
-
-def _short_commit(commit: str) -> str:
-    """Eight digits of a commit, and the plus sign of one with changes on top."""
-    return commit[:8] + ("+" if commit.endswith("+") else "")

@@ -200,8 +200,10 @@ def sarsa_cannot_converge(table: pd.DataFrame) -> Finding:
     )
 
 
-def figure(table: pd.DataFrame, epsilon: float = 0.1, keen: float = 0.3) -> Figure:
+def figure(table: pd.DataFrame, epsilon: float = 0.1) -> Figure:
     """Learned value of the start at one epsilon, and distance from the optimal values.
+
+    On the right Sarsa explores with epsilon .3.
 
     Parameters
     ----------
@@ -209,15 +211,13 @@ def figure(table: pd.DataFrame, epsilon: float = 0.1, keen: float = 0.3) -> Figu
         Of :func:`distances`.
     epsilon
         Exploration on the left.
-    keen
-        That of the Sarsa on the right.
     """
     fig, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.8))
     _starts(left, table[table.epsilon == epsilon])
     steady = table[table.exploration == "constant"]
     styles = iter(["C0-", "C0--", "C0:", "C1--"])
     for (algorithm, rate), own in steady.groupby(["algorithm", "epsilon"]):
-        if algorithm == "q_learning" or rate == keen:
+        if algorithm == "q_learning" or rate == 0.3:
             distance = own.groupby("step").error_optimal.mean()
             right.loglog(distance, next(styles), label=f"{LEARNERS[algorithm]}, {rate:g}")
     left.set(xlabel="step", ylabel="learned value of the start", xscale="log", ylim=(-17, -4))

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
 from thesis_lib.chapter3 import figure_3_1, figure_3_3, figure_3_4, table_3_1
 from thesis_lib.chapter3.runs import LEARNERS, NAMES, SHAPED, at_best, compared
-from thesis_lib.edition.criteria import LEVEL, Pair, equivalent, graded, judged, summary
+from thesis_lib.edition.criteria import (
+    LEVEL,
+    Pair,
+    equivalent,
+    graded,
+    judged,
+    no_greater,
+    summary,
+)
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.stats import holm, welch
 
 TABLES = (table_3_1.entries, figure_3_1.by_alpha, figure_3_3.by_alpha, figure_3_4.by_alpha)
 """Returns with every potential, on every domain of the chapter."""
+
+NEAR = 0.05
+"""Largest difference of returns that counts as none, as a share of the return."""
 
 
 def by_setting(
@@ -38,7 +49,8 @@ def best_kind_depends(
 ) -> Finding:
     """Which of the three potentials is best, by domain and learner."""
     told, p = [], []
-    for where, own in by_setting(cliff, continuing, triangle, stock).items():
+    settings = by_setting(cliff, continuing, triangle, stock)
+    for where, own in settings.items():
         ranked = own.set_index("potential").sort_values("mean_return", ascending=False)
         first, second = (summary(row) for _, row in ranked.iloc[:2].iterrows())
         # The best is chosen after looking: of three, either of the others might have been.
@@ -51,13 +63,26 @@ def best_kind_depends(
         for (where, name), q in zip(told, adjusted, strict=True)
     )
     kinds = len({name for _, name in told})
-    some = Verdict.DIRECTION if kinds > 1 and sure else Verdict.NOT_REPRODUCED
+    one = [NAMES[kind] for kind in SHAPED if _nowhere_behind(settings, kind)]
+    otherwise = Verdict.NOT_REPRODUCED if one else Verdict.INCONCLUSIVE
     return Finding(
-        Verdict.REPRODUCED if len(sure) > 1 else some,
+        graded(len(sure) > 1, direction=kinds > 1 and sure, otherwise=otherwise),
         f"Best of the three, each at its best setting (Welch against the second, Holm): "
-        f"{'; '.join(words)}.",
+        f"{'; '.join(words)}; shown to be at most {NEAR:.0%} behind everywhere: "
+        f"{' and '.join(one) or 'none'}.",
         {"kinds": kinds, "significant": len(sure)},
     )
+
+
+def _nowhere_behind(settings: Mapping[str, pd.DataFrame], kind: str) -> bool:
+    """Whether no other potential is more than a margin ahead of one kind, in any setting."""
+    pairs = [
+        compared(own, other, kind, where)
+        for where, own in settings.items()
+        for other in SHAPED
+        if other != kind and {other, kind} <= set(own.potential)
+    ]
+    return no_greater(pairs, NEAR).verdict is Verdict.REPRODUCED
 
 
 @criterion("3.6-average-not-always-best", *TABLES)
@@ -126,10 +151,10 @@ def _of_three(pairs: Sequence[Pair]) -> tuple[Verdict, int]:
     more = [t.difference > 0 and q < LEVEL
             for t, q in zip(tests, holm([t.p_value for t in tests]), strict=True)]  # fmt: skip
     rest = [p for p, m in zip(pairs, more, strict=True) if not m]
-    alike = bool(rest) and equivalent(rest, 0.05).verdict is Verdict.REPRODUCED
-    # Where two are alike or the other way, two of three cannot be more.
-    less = sum(equivalent([p], 0.05).verdict is Verdict.REPRODUCED or t.high < 0
+    alike = bool(rest) and equivalent(rest, NEAR).verdict is Verdict.REPRODUCED
+    # Where two are alike or the other way, two of three cannot be more, whatever the third is.
+    less = sum(equivalent([p], NEAR).verdict is Verdict.REPRODUCED or t.high < 0
                for p, t in zip(pairs, tests, strict=True))  # fmt: skip
     otherwise = Verdict.NOT_REPRODUCED if less >= 2 else Verdict.INCONCLUSIVE
     holds = sum(more) == 2 and alike
-    return graded(holds, direction=any(more), otherwise=otherwise), sum(more)
+    return graded(holds, direction=any(more) and less < 2, otherwise=otherwise), sum(more)

@@ -23,12 +23,15 @@ from thesis_lib.chapter3.runs import (
     named_potentials,
     total_rewards,
 )
-from thesis_lib.edition.criteria import LEVEL, best, summary
+from thesis_lib.edition.criteria import LEVEL, Pair, best, graded, no_greater, summary
 from thesis_lib.edition.experiment import Context, Returns, experiment, returns
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import PRINTED
 from thesis_lib.edition.words import number, plus_minus
 from thesis_lib.stats import holm, mean_ci, welch
+
+MARGIN = 0.05
+"""Largest gain that counts as none, as a share of the return with factor 1."""
 
 
 @dataclass(frozen=True)
@@ -130,12 +133,16 @@ def scaling_helps(table: pd.DataFrame) -> Finding:
 
     Of the thesis's potentials: a constant is none of them, and factor 0 leaves nothing of one.
     """
-    told, p = [], []
+    told, p, pairs = [], [], list[Pair]()
     table = table[table.potential.isin(SHAPED) & (table.factor > 0)]
     for (domain, algorithm, potential), own in table.groupby(
         ["domain", "algorithm", "potential"], sort=False
     ):
         at_one, others = own[own.factor == 1].iloc[0], own[own.factor != 1]
+        pairs += [
+            Pair(summary(other), summary(at_one), ("another factor", "1"))
+            for _, other in others.iterrows()
+        ]
         top = best(others)
         test = welch(summary(top), summary(at_one))
         # The best factor is chosen after looking: any of them might have been it.
@@ -145,11 +152,14 @@ def scaling_helps(table: pd.DataFrame) -> Finding:
             f"{number(test.difference, (test.high - test.low) / 2, sign=True)})"
         )
     helped = [text for text, q in zip(told, holm(p), strict=True) if q < LEVEL]
+    none = no_greater(pairs, MARGIN).verdict is Verdict.REPRODUCED
+    otherwise = Verdict.NOT_REPRODUCED if none else Verdict.INCONCLUSIVE
     return Finding(
-        Verdict.REPRODUCED if helped else Verdict.NOT_REPRODUCED,
+        graded(helped, otherwise=otherwise),
         f"Some factor above 0 earns significantly more than 1 (Welch, Holm, corrected for the "
         f"choice of the best) in {len(helped)} of {len(told)} cases{': ' if helped else ''}"
-        f"{'; '.join(helped)}.",
+        f"{'; '.join(helped)}; that every one earns at most {MARGIN:.0%} more is "
+        f"{'' if none else 'not '}shown.",
         {"helped": len(helped)},
     )
 

@@ -27,6 +27,7 @@ RESULTS = (
     "roc",
     "joint_search",
     "prediction",
+    "threshold_regret",
     "scatter",
     "relevances",
     "readings",

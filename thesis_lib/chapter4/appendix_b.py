@@ -150,10 +150,8 @@ def lemma_2(table: pd.DataFrame) -> Finding:
     corrected = float(_by_kind(table, "lemma 2 corrected").holds.min())
     return judged(
         (holds == 1).all(),
-        f"It holds in {holds['weights']:.0%} of the random domains with any weights: where "
-        "products of both signs cancel, a change of weights undoes it. For the mean of the "
-        f"absolute product the bound holds in {corrected:.0%}. Nor do covariances obey it, as the "
-        "proof of Theorem 2 needs: the product of means does not change with the sequence.",
+        f"It holds in {holds['weights']:.0%} of the random domains with any weights; for the mean "
+        f"of the absolute product, whose terms cannot cancel, the bound holds in {corrected:.0%}.",
         {"printed": float(holds["weights"]), "corrected": corrected},
         otherwise=Verdict.REFUTED,
     )

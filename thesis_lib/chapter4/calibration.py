@@ -69,9 +69,9 @@ class Kept:
     "ch4-calibration",
     item="Jackknife F (calibration)",
     smoke=Config(runs=5, tasks_seen=(4,), alphas=(0.05,), effects=(1.0,), levels=(2,)),
-    book=Config(runs=60),
+    book=Config(runs=400),
     thesis=Config(runs=2000),
-    seconds=11,
+    seconds=40,
 )
 def kept(config: Config, context: Context) -> list[Kept]:
     """How often the jackknife F-test keeps an irrelevant and a relevant feature."""
@@ -110,25 +110,51 @@ def _with_interval(ax: Axes, own: pd.DataFrame, shift: float, **look: Any) -> No
 
 
 def figure(table: pd.DataFrame, alpha: float) -> Figure:
-    """Size of the test on irrelevant features, and its power, over the number of tasks."""
+    """Size of the test on irrelevant features, a panel a number of values, and its power."""
     at = table[table.alpha == alpha]
-    fig, axes = plt.subplots(1, 2, figsize=(7.2, 3.6))
     null = at[(at.feature == "irrelevant") & (at.effect == at.effect.max())]
-    styles = {"t2": "-", "box": "--"}
-    for j, ((law, shared, levels), own) in enumerate(null.groupby(["null", "shared", "levels"])):
-        i = 2 * int(levels == null.levels.max()) + int(shared)
-        label = f"{law}, {levels} values, {'shared' if shared else 'own'} p"
-        # Side by side, so that the intervals can be told apart.
-        shift = 0.12 * (j - 3.5)
-        _with_interval(axes[0], own, shift, color=COLOURS[i], ls=styles[law], lw=1, label=label)
-    axes[0].axhline(alpha, color=PRINTED, lw=1)
-    axes[0].set(xlabel="observed tasks n", ylabel="irrelevant feature kept", ylim=(0, None))
+    panels = list(null.groupby("levels"))
+    fig, axes = plt.subplots(1, len(panels) + 1, figsize=(7.2, 3.4), squeeze=False)
+    for ax, (levels, own) in zip(axes.flat, panels, strict=False):
+        for j, ((law, shared), line) in enumerate(own.groupby(["null", "shared"])):
+            look = {"color": COLOURS[int(shared)], "ls": {"t2": "-", "box": "--"}[law], "lw": 1}
+            label = f"{law}, {'shared' if shared else 'own'} p"
+            # Side by side, so that the intervals can be told apart.
+            _with_interval(ax, line, 0.2 * (j - 1.5), label=label, **look)
+        ax.axhline(alpha, color=PRINTED, lw=1)
+        ax.set_title(f"irrelevant, {levels} values", fontsize=9)
+        ax.set_ylim(0, 1.05 * null.high.max())
     power = at[(at.feature == "relevant") & at.shared & (at.null == "t2")]
     power = power[power.levels == power.levels.min()]
+    last = axes[0, -1]
     for i, (size, own) in enumerate(power.groupby("effect")):
-        _with_interval(axes[1], own, 0.0, color=COLOURS[i], label=f"effect {size:g} sd")
-    axes[1].set(xlabel="observed tasks n", ylabel="relevant feature kept", ylim=(0, 1.05))
-    axes[1].legend(fontsize=8)
-    handles = axes[0].get_legend_handles_labels()
-    fig.legend(*handles, loc="outside lower center", ncols=3, fontsize=7)
+        _with_interval(last, own, 0.0, color=COLOURS[i + 2], label=f"effect {size:g} sd")
+    last.set_title("relevant", fontsize=9)
+    last.set_ylim(0, 1.05)
+    for ax in axes.flat:
+        ax.set_xlabel("observed tasks n", fontsize=9)
+    axes[0, 0].set_ylabel("share of samples kept")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    more = last.get_legend_handles_labels()
+    shown = (handles + more[0], labels + more[1])
+    fig.legend(*shown, loc="outside lower center", ncols=4, fontsize=8)
     return fig
+
+
+def size(table: pd.DataFrame, levels: int, *, shared: bool, alpha: float = 0.05) -> pd.DataFrame:
+    """How often the default test keeps the irrelevant feature, by number of tasks.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``kept``, ``low`` and ``high``, at the largest effect of the relevant feature.
+    """
+    own = table[
+        (table.feature == "irrelevant")
+        & (table.null == "t2")
+        & (table.alpha == alpha)
+        & (table.levels == levels)
+        & (table.shared == shared)
+        & (table.effect == table.effect.max())
+    ]
+    return own.set_index("tasks_seen")[["kept", "low", "high"]]

@@ -67,11 +67,11 @@ def most_after_few(by: Mapping[Any, pd.DataFrame]) -> tuple[Verdict, dict[Any, i
 def falls_to_the_last(by: pd.DataFrame, n: int) -> bool:
     """Whether the gain after n tasks, chosen as the largest, is above that after the most.
 
-    As if the two were independent, which numbers of tasks that share runs are not: the interval
-    is the wider for it.  Bonferroni over the numbers n was chosen from.
+    Numbers of tasks share runs, and the two may go together in any way: their half-widths add up.
+    Bonferroni over the numbers n was chosen from.
     """
     at, last = by.loc[n], by.iloc[-1]
-    half = wider(len(by) - 1) * np.hypot(at.fstek_minus_ci95, last.fstek_minus_ci95)
+    half = wider(len(by) - 1) * (at.fstek_minus_ci95 + last.fstek_minus_ci95)
     return bool(at.fstek_minus - last.fstek_minus > half)
 
 
@@ -91,7 +91,7 @@ def rise_after_few(settings: Sequence[pd.DataFrame]) -> list[bool]:
     for by in settings:
         few, more = by[by.index <= FEW], by[by.index > FEW]
         gap = np.subtract.outer(more.fstek_minus.to_numpy(), few.fstek_minus.to_numpy())
-        half = np.hypot.outer(more.fstek_minus_ci95.to_numpy(), few.fstek_minus_ci95.to_numpy())
+        half = np.add.outer(more.fstek_minus_ci95.to_numpy(), few.fstek_minus_ci95.to_numpy())
         found.append(bool((gap > wider(choices) * half).all(axis=1).any()))
     return found
 

@@ -38,7 +38,7 @@ from thesis_lib.edition.criteria import LEVEL, Pair, graded, judged, no_greater,
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.words import plus_minus, several
-from thesis_lib.stats import welch
+from thesis_lib.stats import least_power, welch
 
 PRINTED = (0.45, 1.0)
 """False and true positive rate printed for FS-TEK after five tasks, "around"."""
@@ -209,7 +209,8 @@ def ibkr_is_no_selection(table: pd.DataFrame) -> Finding:
         near.all(),
         f"Return without selection less IBKR's {listed} tasks; the paired 95% interval lies within "
         f"{NEARLY:.0%} of the return at {near.sum()} of {len(own)} numbers of tasks and beyond it "
-        f"at {far.sum()}.",
+        f"at {far.sum()}; without any difference each would lie within it in at least "
+        f"{least_power(margin, own.none_minus_ci95):.0%} of samples.",
         {"near": float(near.mean()), "far": float(far.mean())},
         direction=near.mean() > 0.5,
         otherwise=Verdict.REFUTED if far.mean() > 0.5 else Verdict.INCONCLUSIVE,

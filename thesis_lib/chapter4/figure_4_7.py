@@ -33,6 +33,7 @@ from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import COLOURS, PRINTED
 from thesis_lib.edition.words import several
+from thesis_lib.stats import least_power
 
 MANY = 10
 """Smallest number of tasks that counts as many."""
@@ -220,7 +221,9 @@ def on_a_par(table: pd.DataFrame) -> Finding:
         near.all(),
         f"After {at.tasks_seen.min()} tasks and more the paired 95% interval lies within "
         f"{MARGIN:.0%} of the return without selection in {near.sum()} of {len(at)} "
-        f"combinations; the largest gap is {worst.fstek_minus:+.0f} ± "
+        f"combinations, and without any difference each would lie so in at least "
+        f"{least_power(margin, half):.0%} of samples; the largest gap is "
+        f"{worst.fstek_minus:+.0f} ± "
         f"{worst.fstek_minus_ci95:.0f} of {worst.mean_return:.0f}, after {worst.tasks_seen} tasks "
         f"at noise {worst.sensor:g}.",
         {"near": float(near.mean())},

@@ -6,14 +6,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, permutations
 
 import numpy as np
 import pandas as pd
 
 from thesis_lib.arrays import FloatArray, IntArray
-from thesis_lib.edition.criteria import EXACT, judged
+from thesis_lib.edition.criteria import EXACT, exact, judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.words import number, several
@@ -135,6 +137,50 @@ def forward_removes_the_weaker(table: pd.DataFrame) -> Finding:
         {"weaker": float(weaker.mean())},
         otherwise=Verdict.REFUTED,
     )
+
+
+@criterion("4.2-smaller-subset")
+def forward_choice_keeps_fewer() -> Finding:
+    """What is kept of ABCD where forward relevance chooses what goes, and where the order does."""
+    bits = (np.arange(8)[:, None] >> np.arange(3)) & 1
+    a, c, d = bits.T
+    columns = dict(zip("ABCD", (a, 2 * c + d, c, d), strict=True))
+    q, p = (a + 2.0 * c + d)[None], np.full((1, 8), 1 / 8)
+    forward, first = [], []
+    for order in permutations("ABCD"):
+        features = np.stack([columns[name] for name in order], axis=1)
+        solutions = Solutions(q, p, features, order)
+        forward.append(_named(IBKR().fit(solutions).get_feature_names_out()))
+        first.append(_named(_first_marked_goes(solutions)))
+    sizes, others = (np.array([len(kept) for kept in own]) for own in (forward, first))
+    by_forward, by_order = (
+        several(f"{{{', '.join(kept)}}} in {n}" for kept, n in Counter(own).items())
+        for own in (forward, first)
+    )
+    return exact(
+        (sizes <= others).all() and (sizes < others).any(),
+        f"Kept of ABCD with the target A + B, over the {len(forward)} orders of the features: "
+        f"{by_forward} where the feature weakest by itself goes of those that are marked; "
+        f"{by_order} where the first of them goes.",
+    )
+
+
+def _named(kept: Iterable[str]) -> str:
+    return "".join(sorted(kept))
+
+
+def _first_marked_goes(solutions: Solutions) -> list[str]:
+    """What is kept where, of the features whose removal loses nothing, the first one goes."""
+    removed, names = list[str](), solutions.feature_names
+    while True:
+        left = [name for name in names if name not in removed]
+        marked = (
+            name for name in left
+            if domain_relevance(solutions, remove(solutions, [*removed, name])) < EXACT
+        )  # fmt: skip
+        if (gone := next(marked, None)) is None:
+            return left
+        removed.append(gone)
 
 
 @criterion("4.2-interdependence", subsets)

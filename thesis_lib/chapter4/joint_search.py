@@ -194,7 +194,9 @@ def fits(table: pd.DataFrame) -> pd.DataFrame:
         One row a reading: ``rates`` (.45/1 after five tasks, within :data:`NEAR`), ``gain``
         (significantly over no selection after five), ``matches`` (after some number of tasks its
         paired interval is at most 2% below fixed features), ``may_match`` (its
-        interval reaches so far), ``rises`` (how much the false positive rate changes from five
+        interval reaches so far), ``denied`` (the interval of its false positive rate or of its
+        gain after five tasks, or all its intervals beside fixed features, lie on the wrong side
+        of what is printed), ``rises`` (how much the false positive rate changes from five
         tasks to the most) and ``rises_error`` (half-width of its interval, of independent rates).
         Intervals are 95% of all that is looked at, readings and numbers of tasks (Bonferroni).
     """
@@ -209,6 +211,7 @@ def fits(table: pd.DataFrame) -> pd.DataFrame:
         by = group.set_index("tasks_seen")
         half = wide * by.over_fixed_ci95
         five, last = by.loc[5], by.loc[by.index.max()]
+        may_match = (by.over_fixed + half >= -margin[by.index]).any()
         rows.append(
             {
                 **dict(zip(open_points, key, strict=True)),
@@ -219,7 +222,12 @@ def fits(table: pd.DataFrame) -> pd.DataFrame:
                 ),
                 "gain": bool(five.over_none > one * five.over_none_ci95),
                 "matches": bool((by.over_fixed - half >= -margin[by.index]).any()),
-                "may_match": bool((by.over_fixed + half >= -margin[by.index]).any()),
+                "may_match": bool(may_match),
+                "denied": bool(
+                    not may_match
+                    or five.over_none < -one * five.over_none_ci95
+                    or abs(five.fpr - PRINTED[0]) > NEAR[0] + one * five.rate_error
+                ),
                 "rises": float(last.fpr - five.fpr),
                 "rises_error": one * float(np.hypot(last.rate_error, five.rate_error)),
             }
@@ -240,7 +248,7 @@ def some_reading_fits(table: pd.DataFrame) -> Finding:
     every = some[some.matches]
     near = found.assign(far=np.hypot(found.fpr - PRINTED[0], found.tpr - PRINTED[1]))
     best = near.loc[near.far.idxmin()]
-    verdict = Verdict.NOT_REPRODUCED
+    verdict = Verdict.NOT_REPRODUCED if found.denied.all() else Verdict.INCONCLUSIVE
     if len(every):
         verdict = Verdict.REPRODUCED
     elif len(some):
@@ -248,10 +256,10 @@ def some_reading_fits(table: pd.DataFrame) -> Finding:
     elif (found.gain & found.may_match).any():
         verdict = Verdict.DIRECTION
     sampled = f"{best.max_seqs or 'all'} {best.sampling} a k"
-    rates, gain, match, may, whole, part = (
+    rates, gain, match, may, against, whole, part = (
         int(n) or "none"
         for n in (
-            *(found[c].sum() for c in ("rates", "gain", "matches", "may_match")),
+            *(found[c].sum() for c in ("rates", "gain", "matches", "may_match", "denied")),
             *(len(every), len(some)),
         )
     )
@@ -259,9 +267,9 @@ def some_reading_fits(table: pd.DataFrame) -> Finding:
         verdict,
         f"Of {len(found)} joint readings {rates} give the rates printed for five tasks, {gain} a "
         f"significant gain there; {match} are shown to come within {MATCH:.0%} of fixed features, "
-        f"{may} may; {whole} are shown to do all, {part} may (Bonferroni). Nearest: the level of "
-        f"the {best.schedule} with {sampled} and the interval of the {best.interval}, with an "
-        f"FPR/TPR of {best.fpr:.2f}/{best.tpr:.2f}.",
+        f"{may} may; {whole} are shown to do all, {part} may; of {against} an interval denies one "
+        f"of them (Bonferroni). Nearest: the level of the {best.schedule} with {sampled} and the "
+        f"interval of the {best.interval}, with an FPR/TPR of {best.fpr:.2f}/{best.tpr:.2f}.",
         {"all": len(every), "fpr": float(best.fpr), "tpr": float(best.tpr)},
     )
 

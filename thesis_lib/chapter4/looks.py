@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -120,7 +120,7 @@ def selection(
     *,
     unit: float = 1.0,
     printed: tuple[float, float] | None = None,
-    left_out: Sequence[str] = (),
+    left_out: tuple[str, ...] = (),
 ) -> Figure:
     """A figure as 4.3 to 4.5: returns on the left, ROC space on the right.
 
@@ -133,17 +133,17 @@ def selection(
     printed
         Rates that the thesis prints for five tasks.
     left_out
-        Methods whose returns are not shown, as they are far below the others'; the axis is then
-        that of the others from three tasks on.
+        Methods far below the others, which without them can be told apart; the left axis then
+        holds the bands from three tasks on.
     """
     fig, axes = plt.subplots(1, 2, figsize=(7.2, 3.8))
-    shown = table[~table.method.isin(left_out)]
-    returns(axes[0], shown, unit)
-    if left_out:
-        later = shown[shown.tasks_seen >= 3]
-        low, high = (later.mean_return + sign * later.ci95 for sign in (-1, 1))
-        pad = 0.05 * (high.max() - low.min())
-        axes[0].set_ylim((low.min() - pad) / unit, (high.max() + pad) / unit)
+    drawn = table[~table.method.isin(left_out)]
+    returns(axes[0], drawn, unit)
+    held = drawn[drawn.tasks_seen >= 3]
+    if left_out and len(held):
+        low = (held.mean_return - held.ci95).min() / unit
+        high = (held.mean_return + held.ci95).max() / unit
+        axes[0].set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
     axes[0].set_ylabel("mean return" + (f" / {unit:g}" if unit != 1 else ""))
     roc(axes[1], table, printed=printed)
     handles, labels = axes[0].get_legend_handles_labels()

@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from scipy.stats import t
 
 from thesis_lib.arrays import BoolArray, FloatArray
 from thesis_lib.chapter4 import figure_4_3, figure_4_4, figure_4_6, heat_runs, looks
@@ -27,7 +28,6 @@ from thesis_lib.domains import Domain, continuing_cliff, stock, triangle
 from thesis_lib.domains.heat import ACTIONS
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.plots import COLOURS, unclutter
-from thesis_lib.edition.words import plus_minus
 from thesis_lib.potentials import linear_cross_task_weights
 from thesis_lib.relevance import Solutions, keep
 from thesis_lib.selection import (
@@ -40,8 +40,17 @@ from thesis_lib.selection import (
     Shrinkage,
 )
 
-METHODS = ("none", "fs-tek", "ibkr", "jackknife", "cross-validation", "shrinkage")
-SYMBOLS = {**looks.SYMBOLS, "shrinkage": "shrinkage"}
+METHODS = (
+    *("none", "fs-tek", "ibkr", "jackknife", "cross-validation"),
+    *("cross-validation, mean", "cross-validation, coarser", "shrinkage"),
+)
+"""Cross-validation is that of the potentials here, 0 where no task was, and of two others."""
+
+UNSEEN = 0.0
+"""What the potentials have where no observed task was."""
+
+DRAWN = tuple(method for method in METHODS if "," not in method)
+SYMBOLS = {**dict(zip(METHODS, METHODS, strict=True)), **looks.SYMBOLS}
 COLOUR = {**looks.COLOUR, "shrinkage": COLOURS[3]}
 
 
@@ -260,7 +269,7 @@ def _run(case: Case, config: Config, seed: np.random.SeedSequence) -> Run:
                 phi = (
                     selector.values(own)
                     if shrinks
-                    else linear_cross_task_weights(own.q, own.p, labels=labels, fill=0.0)
+                    else linear_cross_task_weights(own.q, own.p, labels=labels, fill=UNSEEN)
                 )
                 tried[code] = mean_return(phi)
             found.append(tried[code])
@@ -271,40 +280,59 @@ def _run(case: Case, config: Config, seed: np.random.SeedSequence) -> Run:
 def _selectors(case: Case) -> list[Selector]:
     """In the order of :data:`METHODS`."""
     fstek = FSTEK(alpha=level(case.fstek), flat=case.flat)
-    return [NoSelection(), fstek, IBKR(), JackknifeF(), LeaveOneTaskOut(), Shrinkage()]
+    crossed = [LeaveOneTaskOut(unseen) for unseen in (UNSEEN, "mean", "coarser")]
+    return [NoSelection(), fstek, IBKR(), JackknifeF(), *crossed, Shrinkage()]
 
 
-def compared(table: pd.DataFrame) -> pd.DataFrame:
-    """In how many cells of setting and number of tasks a selector earns significantly more."""
+def compared(table: pd.DataFrame, by: str | None = None) -> pd.DataFrame:
+    """In how many cells of setting and number of tasks a selector is shown to earn more, or less.
+
+    Paired 95% intervals, with Bonferroni over the cells of a selector.
+
+    Parameters
+    ----------
+    table
+        One row a setting, number of tasks and selector.
+    by
+        Column by which the cells are counted apart, such as ``setting``; default together.
+    """
     rows = []
-    for method, own in table.groupby("method", sort=False):
-        row: dict[str, object] = {"selector": SYMBOLS[str(method)], "cells": len(own)}
+    cells = table.groupby("method").size().max()
+    for key, own in table.groupby([by, "method"] if by else ["method"], sort=False):
+        row: dict[str, object] = dict(zip([by] if by else [], key[:-1], strict=True))
+        row |= {"selector": SYMBOLS[str(key[-1])], "cells": len(own)}
         for other, gap in (("no selection", "over_none"), ("FS-TEK", "over_fstek")):
-            gain, half = own[gap], own[f"{gap}_ci95"]
+            gain, half = own[gap], own[f"{gap}_ci95"] * corrected(cells, own.n_runs)
             row[f"more than {other}"] = int((gain > half).sum())
             row[f"less than {other}"] = int((gain < -half).sum())
         rows.append(row)
     return pd.DataFrame(rows)
 
 
-def winners(table: pd.DataFrame) -> pd.DataFrame:
-    """The selector that earns most by setting after few, more and the most tasks."""
-    grid = sorted(table.tasks_seen.unique())
-    rows: dict[str, dict[str, str]] = {}
-    for n in dict.fromkeys((grid[len(grid) // 4], grid[len(grid) // 2], grid[-1])):
-        for setting, own in table[table.tasks_seen == n].groupby("setting", sort=False):
-            best = own.loc[own.mean_return.idxmax()]
-            gain = plus_minus(best.over_none, best.over_none_ci95)
-            words = SYMBOLS[best.method] + ("" if best.method == "none" else f" ({gain})")
-            rows.setdefault(str(setting), {"setting": str(setting)})[f"{n} tasks"] = words
-    return pd.DataFrame(rows.values())
+def corrected(choices: int, runs: pd.Series) -> FloatArray:
+    """Factor of a 95% t interval over so many runs that was looked at with others (Bonferroni).
+
+    >>> corrected(4, pd.Series([3, 10**6])).round(3).tolist()
+    [2.059, 1.274]
+    """
+    return np.asarray(t.isf(0.025 / choices, runs - 1) / t.isf(0.025, runs - 1))
+
+
+def by_setting(table: pd.DataFrame) -> pd.DataFrame:
+    """At how many numbers of tasks a selector earns more / less than no selection, by setting."""
+    counts = compared(table[table.method != "none"], "setting")
+    more, less = (counts[f"{word} than no selection"].astype(str) for word in ("more", "less"))
+    wide = counts.assign(cell=more + " / " + less).pivot(
+        index="setting", columns="selector", values="cell"
+    )
+    return wide.loc[table.setting.unique(), counts.selector.unique()].reset_index()
 
 
 def returns_figure(table: pd.DataFrame) -> Figure:
     """Paired gain over no selection by number of tasks, one panel a setting."""
     fig, axes = _panels(table)
     for ax, (_, own) in zip(axes, table.groupby("setting", sort=False), strict=False):
-        for method in METHODS[1:]:
+        for method in DRAWN[1:]:
             at = own[own.method == method]
             gain, half = at.over_none, at.over_none_ci95
             ax.plot(at.tasks_seen, gain, lw=1.3, color=COLOUR[method], label=SYMBOLS[method])
@@ -319,7 +347,7 @@ def roc_figure(table: pd.DataFrame) -> Figure:
     """ROC space, one panel a setting; points are joined in the order of tasks seen."""
     fig, axes = _panels(table)
     for ax, (_, own) in zip(axes, table.groupby("setting", sort=False), strict=False):
-        looks.roc(ax, own, METHODS[1:-1], near=0.15)
+        looks.roc(ax, own, DRAWN[1:-1], near=0.15)
         at = own[own.method == "shrinkage"]
         colour, name = COLOUR["shrinkage"], SYMBOLS["shrinkage"]
         ax.plot(at.fpr, at.tpr, "x-", ms=4, lw=0.8, color=colour, label=name)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import product
 from typing import Any, Literal
@@ -202,6 +202,30 @@ def ahead(rows: pd.DataFrame, gap: str = "fstek_minus") -> pd.Series:
 def behind(rows: pd.DataFrame, gap: str = "fstek_minus") -> pd.Series:
     """Whether a paired difference lies below 0 by its 95% interval, row by row."""
     return -rows[gap] > rows[f"{gap}_ci95"]
+
+
+def beside_fstek(
+    tables: Iterable[pd.DataFrame], method: str, tasks_seen: Iterable[int]
+) -> dict[str, int]:
+    """In how many cells of figures 4.3 to 4.6 a method earns more, or less, than FS-TEK.
+
+    Parameters
+    ----------
+    tables
+        Of :class:`Selected`, one row a method, number of tasks and, in figure 4.6, of factors.
+    method
+        Compared by paired 95% intervals, not corrected.
+    tasks_seen
+        Numbers of tasks that count.
+
+    Returns
+    -------
+    dict
+        Number of ``cells``, and in how many it earns ``more`` and ``less``.
+    """
+    few = list(tasks_seen)
+    own = pd.concat([t[(t.method == method) & t.tasks_seen.isin(few)] for t in tables])
+    return {"cells": len(own), "more": int(behind(own).sum()), "less": int(ahead(own).sum())}
 
 
 def wider(choices: int) -> float:

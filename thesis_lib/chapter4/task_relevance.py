@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from thesis_lib.arrays import BoolArray, FloatArray, IntArray
 from thesis_lib.chapter3.runs import TabularLearner
 from thesis_lib.chapter4.looks import PM
-from thesis_lib.chapter4.protocol import wider
+from thesis_lib.chapter4.protocol import share_interval, wider
 from thesis_lib.chapter4.runs import SolvedDomain, solve_domain
 from thesis_lib.checks import one_of
 from thesis_lib.domains import Domain, stock
@@ -27,7 +27,7 @@ from thesis_lib.edition.plots import COLOURS
 from thesis_lib.mdp.aggregated import learn_aggregated
 from thesis_lib.relevance import ACTION, ground
 from thesis_lib.selection import JackknifeF, NoSelection, TaskRelevance, task_explained
-from thesis_lib.stats import Mean, bootstrap_ci, mean_ci
+from thesis_lib.stats import Mean, bootstrap_ci, least_power, mean_ci
 
 SYMBOLS: Mapping[str, str] = {
     "full": "full table",
@@ -367,21 +367,27 @@ def error_is_negligible(table: pd.DataFrame) -> Finding:
     table_only, full = by.loc["table"], by.loc["full"]
     gap, half = table_only.reward - full.reward, np.hypot(table_only.ci95, full.ci95)
     margin = MARGIN * full.reward.abs()
-    own, early = _once(table, "table", most).hidden, _once(table, "table", fewest).hidden
+    late, early = _once(table, "table", most), _once(table, "table", fewest).hidden
+    own, runs = late.hidden, late.n_runs
+    # The new tasks of a run meet one table: as many of them as there are runs count.
+    share = share_interval(own, runs, len(own))
     listed = "; ".join(
-        f"{d}: in {early[d]:.0%} of the new tasks after {fewest} and in {own[d]:.1%} after {most}, "
-        f"when the last quarter earns {gap[d]:+.3f} ± {half[d]:.3f} a step relative to the full "
-        f"table's {full.reward[d]:.3f}"
+        f"{d}: in {early[d]:.0%} of the new tasks after {fewest} and in {own[d]:.1%} "
+        f"({share.low[d]:.1%} to {share.high[d]:.1%}) after {most}, when the last quarter earns "
+        f"{gap[d]:+.3f} ± {half[d]:.3f} a step relative to the full table's {full.reward[d]:.3f}"
         for d in own.index
     )
-    rare = (own <= MARGIN).all()
+    rare, often = (share.high <= MARGIN).all(), (share.low > MARGIN).any()
     worse = (gap + half < -margin).any()
     return judged(
         rare and (gap - half > -margin).all(),
-        f"A feature that matters is missing, on {listed}.",
+        f"A feature that matters is missing (Wilson's 95% intervals over runs, corrected for the "
+        f"number of domains), on {listed}. Without any difference of reward each would be shown to "
+        f"be at most {MARGIN:.0%} below in at least {least_power(margin, half, sides=1):.0%} of "
+        "samples.",
         {f"hidden, {d}": float(own[d]) for d in own.index},
         direction=(own <= early).all() and (own < early).any() and not worse,
-        otherwise=Verdict.INCONCLUSIVE if rare and not worse else Verdict.NOT_REPRODUCED,
+        otherwise=Verdict.NOT_REPRODUCED if often or worse else Verdict.INCONCLUSIVE,
     )
 
 

@@ -110,8 +110,8 @@ def exponential_fits(table: pd.DataFrame) -> Finding:
     by = table.drop_duplicates("tasks_seen").set_index("tasks_seen").asymptote
     return judged(
         abs(by[20]) <= 0.05,
-        "With shared p(x|m) the curve is a power law, U + (b - U)/k. The asymptote of the "
-        f"exponential fitted to it is off by {by[5]:+.2f} (b - U) at 5 tasks and by "
+        "Fitted to U + (b - U)/k, which k-relevance is where tasks share p(x|m), the exponential "
+        f"has an asymptote that is off U by {by[5]:+.2f} (b - U) at 5 tasks and by "
         f"{by[20]:+.2f} (b - U) at 20.",
         {"asymptote": float(by[20])},
         direction=abs(by[20]) < abs(by[5]),

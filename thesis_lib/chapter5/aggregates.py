@@ -25,6 +25,7 @@ from thesis_lib.chapter5.contrasts import SMOKE, Config
 from thesis_lib.chapter5.runs import ENOUGH
 from thesis_lib.edition.criteria import LEVEL
 from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.words import with_interval
 from thesis_lib.robustness import CONDITIONS, PERTURBATIONS, TRAINED_ON, score
 from thesis_lib.stats import leading
 
@@ -177,8 +178,8 @@ def shown(table: pd.DataFrame, measure: str) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "net": own.architecture,
-            "IQM": _with_interval(own.iqm, own.low, own.high),
-            "better than another": _with_interval(own.better, own.better_low, own.better_high),
+            "IQM": _cells(own, "iqm"),
+            "better than another": _cells(own, "better"),
             "leads": [f"{lead} of {rows}" for lead, rows in zip(own.leads, own.rows, strict=True)],
         }
     )
@@ -196,19 +197,17 @@ def across(table: pd.DataFrame, value: str, *measures: str) -> pd.DataFrame:
     measures
         Columns.
     """
-    low, high = ("low", "high") if value == "iqm" else ("better_low", "better_high")
     columns: dict[str, list[str | None]] = {"net": [*NETS]}
     for measure in measures:
         own = table[table.measure == measure].set_index("architecture").reindex(list(NETS))
-        columns[measure] = _with_interval(own[value], own[low], own[high])
+        columns[measure] = _cells(own, value)
     return pd.DataFrame(columns)
 
 
-def _with_interval(value: pd.Series, low: pd.Series, high: pd.Series) -> list[str | None]:
-    return [
-        None if np.isnan(v) else f"{v:.2f} [{a:.2f}, {b:.2f}]"
-        for v, a, b in zip(value, low, high, strict=True)
-    ]
+def _cells(own: pd.DataFrame, value: str) -> list[str | None]:
+    bounds = ["low", "high"] if value == "iqm" else ["better_low", "better_high"]
+    rows = own[[value, *bounds]].itertuples(index=False)
+    return [None if np.isnan(v) else with_interval(v, a, b, ".2f") for v, a, b in rows]
 
 
 def reading(table: pd.DataFrame, *measures: str) -> str:

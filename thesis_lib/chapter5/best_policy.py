@@ -14,7 +14,7 @@ import pandas as pd
 
 from thesis_lib.chapter5.cells import NETS
 from thesis_lib.chapter5.contrasts import Config
-from thesis_lib.chapter5.runs import CELL, DEFAULT, Runs
+from thesis_lib.chapter5.runs import CELL, Runs, plain
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.words import several
 
@@ -63,9 +63,8 @@ def by_rule(config: Config, context: Context) -> list[Tested]:
 
 def _regular(store: Runs, policy: str) -> pd.DataFrame:
     """Returns of the regular test, one row a run of training."""
-    tests = store.returns(policy=policy)
-    plain = (tests.condition == "base") & (tests.intervention == "none")
-    return tests[plain & (tests.variant == DEFAULT)][[*CELL, "seed", "return"]]
+    tests = plain(store.returns(policy=policy))
+    return tests[tests.condition == "base"][[*CELL, "seed", "return"]]
 
 
 def _whole(table: pd.DataFrame) -> pd.DataFrame:

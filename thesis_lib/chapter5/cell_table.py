@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from thesis_lib import published
-from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS
-from thesis_lib.chapter5.judging import Evidence
+from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS, as_published
 from thesis_lib.chapter5.runs import DEFAULT, ENOUGH, PRINTED_STEPS
 from thesis_lib.edition.criteria import LEVEL
-from thesis_lib.edition.ledger import Verdict
 from thesis_lib.edition.words import number, several
-from thesis_lib.published import TASKS
 from thesis_lib.robustness import TRAINED_ON
 from thesis_lib.stats import Comparison, Summary, leading, mean_ci, welch
 from thesis_lib.training.config import TrainConfig
@@ -77,14 +74,14 @@ def beside(table: str, ours: pd.DataFrame, printed_runs: int) -> list[Cell]:
     printed_runs
         Runs behind a printed cell.
     """
-    published_by = published.load(table).set_index(["task", "trained_on", "architecture"])
+    printed = as_published(table)
     own = ours[ours.variant == DEFAULT].assign(architecture=ours.architecture.str.upper())
     own = own.sort_values("seed")
     by_cell = dict(list(own.groupby(["task", "terrain", "architecture"])))
     rows = []
     for ground in TRAINED_ON:
         for robot in ROBOTS:
-            row = published_by.loc[TASKS[robot]].loc[ground]
+            row = printed.loc[ground].loc[robot]
             summaries = {
                 net: Summary(r.value, r.standard_error * printed_runs**0.5, printed_runs)
                 for net, r in row.iterrows()
@@ -100,7 +97,7 @@ def beside(table: str, ours: pd.DataFrame, printed_runs: int) -> list[Cell]:
                     row.loc[net],
                     summaries[net],
                     net in first,
-                    mine.get(net),
+                    mine.get(net, own.iloc[:0]),
                     net in ours_first,
                 )
                 for net in NETS
@@ -122,15 +119,13 @@ def _cell(
     row: pd.Series,
     summary: Summary,
     first: bool,
-    runs: pd.DataFrame | None,
+    runs: pd.DataFrame,
     ours_first: bool,
 ) -> Cell:
-    value = np.array([]) if runs is None else runs.value.to_numpy()
-    n = len(value)
+    value, n = runs.value.to_numpy(), len(runs)
     mean = value.mean() if n else np.nan
     half = mean_ci(value).half_width if n > 1 else np.nan
-    iterations = 0 if runs is None else int(runs.iterations.min())
-    batch = 0 if runs is None else int(runs.batch_steps.min())
+    iterations, batch = (int(runs[c].min()) if n else 0 for c in ("iterations", "batch_steps"))
     return Cell(
         robot,
         ground,
@@ -143,7 +138,7 @@ def _cell(
         error=value.std(ddof=1) / n**0.5 if n > 1 else np.nan,
         low=mean - half,
         high=mean + half,
-        best=np.nan if runs is None else runs.value.loc[runs.last_return.idxmax()],
+        best=runs.value.loc[runs.last_return.idxmax()] if n else np.nan,
         ours_leads=ours_first,
         p_printed=welch(value, summary).p_value if n > 1 else np.nan,
         seeds=n,
@@ -170,7 +165,7 @@ def wide(table: pd.DataFrame, value: str) -> pd.DataFrame:
 
 
 def whole_rows(
-    asked: pd.DataFrame, source: str, *, errors: bool = False, least: int = 1
+    asked: pd.DataFrame, source: str, printed_runs: int, *, errors: bool = False, least: int = 1
 ) -> pd.DataFrame:
     """Cells of the rows (ground and robot) on which a source has all nets.
 
@@ -180,60 +175,65 @@ def whole_rows(
         Cells a claim is about.
     source
         ``printed`` or ``ours``.
+    printed_runs
+        Runs behind a printed cell.
     errors
         Whether standard errors are needed too, which takes two runs a cell.
     least
         Fewer rows than this are as good as none.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The cells with ``value``, ``error``, ``leads`` and ``printed_budget`` of the source and
+        the runs behind each (``units``); and of how many robots no row is missing (``tasks``), of
+        how many asked for (``of_tasks``).
     """
-    value, error, _ = column(source)
-    there = asked[[value, error] if errors else [value]].notna().all(axis=1)
-    rows = asked[there.groupby([asked.trained_on, asked.task]).transform("all")]
+    cells = asked.assign(
+        **{
+            to: asked[of]
+            for to, of in zip(("value", "error", "leads"), column(source), strict=True)
+        }
+    )
+    if source == "printed":
+        cells = cells.assign(units=printed_runs, printed_budget=True)
+    else:
+        cells = cells.assign(units=cells.seeds)
+    there = cells[["value", "error"] if errors else ["value"]].notna().all(axis=1)
+    whole = there.groupby([asked.trained_on, asked.task]).transform("all")
+    robots = asked.task.nunique()
+    rows = cells[whole].assign(tasks=robots - asked.task[~whole].nunique(), of_tasks=robots)
     return rows if rows.groupby(["trained_on", "task"]).ngroups >= least else rows.iloc[:0]
 
 
-def evidence(
-    rows: pd.DataFrame, asked: pd.DataFrame, source: str, verdict: Verdict, sentence: str
-) -> Evidence:
-    """Evidence from the cells of some rows, with what our runs behind them were.
+def whole(
+    printed_runs: int, where: str = "", **needs: Any
+) -> Callable[[str, pd.DataFrame], pd.DataFrame]:
+    """What finds a claim's rows, for :func:`~thesis_lib.chapter5.judging.both`.
 
     Parameters
     ----------
-    rows
-        Cells the sentence rests on.
-    asked
-        Cells the claim is about; a robot of which some are not among ``rows`` is not whole.
-    source, verdict, sentence
-        Of the evidence.
+    printed_runs, **needs
+        As of :func:`whole_rows`.
+    where
+        Query of the cells that the claim is about; all without.
     """
-    if source == "printed":
-        return Evidence(verdict, sentence)
-    missing = asked.task[~asked.index.isin(rows.index)].nunique()
-    robots = asked.task.nunique()
-    return Evidence(
-        verdict,
-        sentence,
-        units=int(rows.seeds.min()),
-        tasks=robots - missing,
-        of_tasks=robots,
-        printed_budget=bool(rows.printed_budget.all()),
+    return lambda source, table: whole_rows(
+        table.query(where) if where else table, source, printed_runs, **needs
     )
 
 
-def summary(row: pd.Series, source: str, printed_runs: int) -> Summary:
-    """Mean, standard deviation over runs and number of runs of a cell, of which n must exceed 1."""
-    value, error, _ = column(source)
-    n = printed_runs if source == "printed" else int(row.seeds)
-    return Summary(row[value], row[error] * n**0.5, n)
+def summary(row: pd.Series) -> Summary:
+    """Mean, standard deviation over runs and their number of a cell of :func:`whole_rows`."""
+    n = int(row.units)
+    return Summary(row.value, row.error * n**0.5, n)
 
 
-def best_against_best(row: pd.DataFrame, source: str, printed_runs: int) -> Comparison:
-    """The best RNN's mean on a row against the best FNN's, by Welch's test."""
+def best_against_best(row: pd.DataFrame) -> Comparison:
+    """The best RNN's mean on a whole row against the best FNN's, by Welch's test."""
     by = row.set_index("architecture")
     rnn, fnn = (
-        summary(
-            by.loc[by.loc[list(GROUPS[group]), column(source)[0]].idxmax()], source, printed_runs
-        )
-        for group in ("RNNs", "FNNs")
+        summary(by.loc[by.value[list(GROUPS[group])].idxmax()]) for group in ("RNNs", "FNNs")
     )
     return welch(rnn, fnn)
 
@@ -264,8 +264,9 @@ def _entries(cells: pd.DataFrame) -> dict[str, str | None]:
 
 def _runs(cells: pd.DataFrame) -> str:
     """Heading of our row: how many seeds there are; not the same for all nets, a range."""
-    run = cells[cells.seeds > 0]
-    return "not run" if run.empty else f"ours, n = {_range(run.seeds)}"
+    seeds = cells.seeds[cells.seeds > 0]
+    low, high = seeds.min(), seeds.max()
+    return "not run" if seeds.empty else f"ours, n = {low if low == high else f'{low} to {high}'}"
 
 
 def run_length(table: pd.DataFrame) -> str:
@@ -347,8 +348,3 @@ def left_to_run(table: pd.DataFrame) -> str:
         f"{words}Of {len(table)} cells {len(left)} have not been run at the printed length with "
         f"{ENOUGH} seeds; that takes about {number(ENOUGH * seconds / 3600)} processor hours."
     )
-
-
-def _range(values: pd.Series) -> str:
-    low, high = values.min(), values.max()
-    return f"{low:,}" if low == high else f"{low:,} to {high:,}"

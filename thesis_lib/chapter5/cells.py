@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,7 +10,7 @@ import pandas as pd
 
 from thesis_lib import published
 from thesis_lib.arrays import FloatArray, IntArray
-from thesis_lib.chapter5.runs import DEFAULT, ENOUGH, PRINTED_STEPS, Runs
+from thesis_lib.chapter5.runs import DEFAULT, ENOUGH, PRINTED_STEPS, Runs, plain
 from thesis_lib.robustness import CONDITIONS, TRAINED_ON
 from thesis_lib.stats import parametric_bootstrap
 
@@ -72,16 +72,22 @@ class Cells:
     runs: Mapping[tuple[int, int, int], FloatArray] = field(default_factory=dict)
 
 
+def as_published(table: str) -> pd.DataFrame:
+    """A printed table of cells by ground trained on, robot and net."""
+    robots = {printed: robot for robot, printed in published.TASKS.items()}
+    cells = published.load(table).replace({"task": robots})
+    return cells.set_index(["trained_on", "task", "architecture"])
+
+
 def printed_cells(tables: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
     """Printed means and standard errors, each shape ``(2, tables, 5, 7)``."""
-    mean = np.empty((2, len(tables), len(ROBOTS), len(NETS)))
-    error = np.empty_like(mean)
-    for j, name in enumerate(tables):
-        table = published.load(name).set_index(["trained_on", "task", "architecture"])
-        for i, ground in enumerate(TRAINED_ON):
-            for k, task in enumerate(published.TASKS.values()):
-                row = table.loc[ground].loc[task].loc[list(NETS)]
-                mean[i, j, k], error[i, j, k] = row.value, row.standard_error
+    shape = len(TRAINED_ON), len(ROBOTS), len(NETS)
+    order = pd.MultiIndex.from_product([TRAINED_ON, ROBOTS, NETS])
+    cells = [as_published(name).loc[order] for name in tables]
+    mean, error = (
+        np.stack([c[column].to_numpy().reshape(shape) for c in cells], axis=1)
+        for column in ("value", "standard_error")
+    )
     return mean, error
 
 
@@ -114,12 +120,27 @@ def from_learning(store: Runs, rng: np.random.Generator, n_resamples: int) -> Ce
 
 
 def from_tests(
-    store: Runs, rng: np.random.Generator, n_resamples: int, nets: tuple[str, ...] = NETS
+    store: Runs,
+    rng: np.random.Generator,
+    n_resamples: int,
+    nets: tuple[str, ...] = NETS,
+    across: Sequence[str] = ("terrain",),
 ) -> Cells:
-    """Returns of tests by seed, from runs of ours, on both grounds at one budget."""
-    table = store.returns(across=["terrain"])
-    plain = (table.correlation == 0) & (table.intervention == "none")
-    return _ours(table[plain], CONDITIONS, nets, rng, n_resamples)
+    """Returns of tests by seed, from runs of ours, on both grounds at one budget.
+
+    Parameters
+    ----------
+    store
+        Our runs.
+    rng, n_resamples
+        Source and number of resamples.
+    nets
+        In the order of the last axis.
+    across
+        What is compared, so that one budget counts (:meth:`~thesis_lib.chapter5.runs.Runs.depths`).
+    """
+    table = store.only(architectures=[net.lower() for net in nets]).returns(across=across)
+    return _ours(plain(table), CONDITIONS, nets, rng, n_resamples)
 
 
 def _ours(
@@ -164,6 +185,13 @@ def interval(draws: FloatArray, units: int = ENOUGH) -> tuple[float, float]:
         return np.nan, np.nan
     low, high = np.nanquantile(draws, [0.025, 0.975])
     return float(low), float(high)
+
+
+def weights(group: str) -> FloatArray:
+    """Mean over the nets of one of :data:`GROUPS`, as weights of the seven nets."""
+    members = np.isin(NETS, GROUPS[group])
+    mean: FloatArray = members / members.sum()
+    return mean
 
 
 def shares(returns: FloatArray, mean: FloatArray) -> FloatArray:

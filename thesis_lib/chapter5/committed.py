@@ -11,6 +11,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from scipy import stats
 
+from thesis_lib.edition import plots
+from thesis_lib.edition.experiment import Context, Experiment, experiment
 from thesis_lib.edition.saved import saved
 from thesis_lib.edition.words import several
 from thesis_lib.training.config import TrainConfig, head_scale
@@ -37,10 +39,33 @@ class Config:
     names: tuple[str, ...]
     """Paths below ``results`` without a suffix."""
 
-    def read(self, columns: Mapping[str, str] = COLUMNS) -> pd.DataFrame:
-        """The tables one after the other, the same at every budget and for every seed."""
-        tables = [saved(name).table[list(columns)] for name in self.names]
+
+def experiment_of(
+    identifier: str, name: str, title: str, columns: Mapping[str, str] = COLUMNS
+) -> Experiment[Config]:
+    """The experiment that reads committed curves, the same at every budget and for every seed.
+
+    Parameters
+    ----------
+    identifier
+        Of the experiment.
+    name
+        Path below ``results`` without a suffix.
+    title
+        One line on what is measured.
+    columns
+        Meaning of the columns that are kept.
+    """
+
+    def curves(config: Config, context: Context) -> pd.DataFrame:
+        tables = [saved(name).table[list(columns)] for name in config.names]
         return pd.concat(tables, ignore_index=True)
+
+    curves.__doc__ = title
+    read = Config((name,))
+    return experiment(
+        identifier, item="Section 5.5.1", smoke=read, book=read, seconds=0.01, columns=columns
+    )(curves)
 
 
 def commits(provenance: Mapping[str, Any]) -> str:
@@ -110,8 +135,8 @@ def band(
     ax: Axes, curves: pd.DataFrame, iteration: str, colour: str, label: str, style: str = "-"
 ) -> None:
     """Mean of the seeds' curves with its 95% Student interval."""
-    by = curves.groupby(iteration)
-    steps, mean = by.steps.mean() / 1000, by.mean_return.mean()
-    half = by.mean_return.sem() * stats.t.ppf(0.975, by.mean_return.count() - 1)
-    ax.plot(steps, mean, style, color=colour, label=label, lw=1.4)
-    ax.fill_between(steps, mean - half, mean + half, color=colour, alpha=0.2, lw=0)
+    by = curves.groupby(iteration).mean_return
+    table = pd.DataFrame({"mean_return": by.mean()})
+    table["ci95"] = by.sem() * stats.t.ppf(0.975, by.count() - 1)
+    table["steps"] = curves.groupby(iteration).steps.mean() / 1000
+    plots.band(ax, table, "steps", color=colour, label=label, ls=style, lw=1.4)

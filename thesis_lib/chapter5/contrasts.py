@@ -18,7 +18,7 @@ from scipy.stats import ttest_1samp
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5 import cells
-from thesis_lib.chapter5.cells import EXTRA_NETS, GROUPS, NETS, ROBOTS, Cells, shares
+from thesis_lib.chapter5.cells import EXTRA_NETS, NETS, ROBOTS, Cells, shares, weights
 from thesis_lib.chapter5.runs import Runs, read_runs
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.robustness import PERTURBATIONS, TRAINED_ON, quadrants
@@ -68,7 +68,7 @@ class Config:
         )
 
 
-SMOKE, BOOK = Config(200), Config()
+SMOKE = Config(200)
 
 
 def chosen(
@@ -152,7 +152,7 @@ class Contrast:
     """Whether all cells learned for as many steps as the thesis's."""
 
 
-@experiment("ch5-comparisons", item="Sections 5.5 to 5.7", smoke=SMOKE, book=BOOK, seconds=2)
+@experiment("ch5-comparisons", item="Sections 5.5 to 5.7", smoke=SMOKE, book=Config(), seconds=2)
 def comparisons(config: Config, context: Context) -> list[Contrast]:
     """Differences between nets in learning, at test and in robustness, printed and ours."""
     store = config.runs()
@@ -213,8 +213,8 @@ def _contrasts(
     budget = bool(made.printed_budget[grounds][:, there].all())
     ranks = friedman(mean) if len(mean) > 1 else np.nan
     for first, second in PAIRS:
-        weights = _weights(first) - _weights(second)
-        by_task, over = mean @ weights, (draws @ weights).mean(axis=1)
+        apart = weights(first) - weights(second)
+        by_task, over = mean @ apart, (draws @ apart).mean(axis=1)
         low, high = cells.interval(over, int(units.min()))
         yield Contrast(
             made.source,
@@ -222,7 +222,7 @@ def _contrasts(
             quadrant,
             first,
             second,
-            value=float((mean @ _weights(first)).mean()),
+            value=float((mean @ weights(first)).mean()),
             difference=float(by_task.mean()),
             low=low,
             high=high,
@@ -233,10 +233,3 @@ def _contrasts(
             units=int(units.min()),
             printed_budget=budget,
         )
-
-
-def _weights(group: str) -> FloatArray:
-    """Mean over the nets of a group, as weights of the seven nets."""
-    members = np.isin(NETS, GROUPS[group])
-    weights: FloatArray = members / members.sum()
-    return weights

@@ -9,13 +9,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from thesis_lib import published
-from thesis_lib.chapter5.cells import NETS, ROBOTS
+from thesis_lib.chapter5.cells import NETS, ROBOTS, as_published
 from thesis_lib.chapter5.contrasts import Config
 from thesis_lib.chapter5.runs import CELL, DEFAULT
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.plots import COLOURS
-from thesis_lib.published import TASKS
 from thesis_lib.robustness import TRAINED_ON
 from thesis_lib.stats import mean_ci
 
@@ -51,19 +49,17 @@ class Point:
     """Mean over the first 500 iterations by table 5.2; the printed curves are a picture."""
 
 
-@experiment("figure-5.3", item="Figure 5.3", smoke=Config(), book=Config(), seconds=0.5)
+@experiment("figure-5.3", item="Figure 5.3", smoke=Config(), book=Config(), seconds=1.7)
 def curves(config: Config, context: Context) -> list[Point]:
     """Learning curves by robot, ground and net at the deepest budget there is."""
     store = config.runs()
     cells = by_cell(store.curves, store.deepest())
-    published_by = (
-        published.load("table-5.2").set_index(["task", "trained_on", "architecture"]).value
-    )
+    published_by = as_published("table-5.2").value
     rows = []
     for ground in TRAINED_ON:
         for robot in ROBOTS:
             for net in NETS:
-                printed = float(published_by[TASKS[robot], ground, net])
+                printed = float(published_by[ground, robot, net])
                 runs = cells.get((robot, ground, net))
                 if runs is None:
                     rows.append(Point(robot, ground, net, *(np.nan,) * 4, 0, 0, 0, printed))

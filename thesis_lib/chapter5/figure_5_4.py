@@ -18,24 +18,28 @@ from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS, Cells
 from thesis_lib.chapter5.contrasts import SMOKE, Config, comparisons
 from thesis_lib.chapter5.judging import (
     Evidence,
+    Said,
     ahead,
     both,
     difference,
     leads,
-    of_rows,
+    of_source,
     pick,
     together,
 )
 from thesis_lib.chapter5.runs import ENOUGH
 from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.ledger import Verdict
+from thesis_lib.edition.ledger import Criterion, Verdict
 from thesis_lib.edition.plots import COLOURS
+from thesis_lib.edition.words import with_interval
 from thesis_lib.robustness import CONDITIONS, PERTURBATIONS, TRAINED_ON, quadrants, score
 from thesis_lib.stats import friedman, iqm, stratified_bootstrap_ci
 
 ALL = "all"
 """Stands for the mean over robots, or over nets."""
+
+QUADRANTS = len(TRAINED_ON) * len(PERTURBATIONS)
 
 MATCH = 0.1
 """Score by which a net may be shown to be at most behind another and match it."""
@@ -134,13 +138,11 @@ def _by_seed(made: Cells, i: int, j: int, m: int, robots: IntArray, seeds: int) 
     )
 
 
-def _means(table: pd.DataFrame, source: str) -> pd.DataFrame:
-    return table[(table.source == source) & (table.statistic == "mean")]
-
-
-def _evidence(rows: pd.DataFrame, verdict: Verdict, sentence: str) -> Evidence:
-    robots = rows.task[rows.task != ALL].nunique()
-    return of_rows(rows, verdict, sentence, tasks=robots)
+def _by_net(source: str, table: pd.DataFrame) -> pd.DataFrame:
+    """Scores of each net on each robot."""
+    own = of_source(source, table)
+    own = own[own.statistic == "mean"]
+    return own[(own.task != ALL) & (own.architecture != ALL)]
 
 
 # ------------------------------------------------------------------ sensor noise
@@ -174,18 +176,18 @@ def ctrnn_under_noise(source: str, table: pd.DataFrame) -> Evidence | None:
     return together(parts)
 
 
-@both("5.5.2-noise-no-best", scores)
-def no_best_under_noise(source: str, table: pd.DataFrame) -> Evidence | None:
+def _flat_noise(source: str, table: pd.DataFrame) -> pd.DataFrame:
+    own = _by_net(source, table)
+    return own[(own.trained_on == "flat") & (own.perturbation == "noise")]
+
+
+@both("5.5.2-noise-no-best", scores, rows=_flat_noise)
+def no_best_under_noise(rows: pd.DataFrame) -> Said:
     """Nets with the highest score on each task, flat-trained, under noise."""
-    rows = _means(table, source)
-    rows = rows[(rows.trained_on == "flat") & (rows.perturbation == "noise")]
-    rows = rows[(rows.task != ALL) & (rows.architecture != ALL)]
-    if rows.empty:
-        return None
     best = rows.loc[rows.groupby("task").value.idxmax()]
     listed = ", ".join(f"{r.task} {r.architecture}" for r in best.itertuples())
-    verdict = Verdict.REPRODUCED if best.architecture.nunique() > 1 else Verdict.REFUTED
-    return _evidence(rows, verdict, f"highest score: {listed}.")
+    several = best.architecture.nunique() > 1
+    return graded(several, otherwise=Verdict.REFUTED), f"highest score: {listed}."
 
 
 # ------------------------------------------------------------------ switch to hills
@@ -202,20 +204,23 @@ fnns_and_ctrnn_on_switch = leads(
 )
 
 
-@both("5.5.2-switch-less-distinct", scores)
-def less_distinct(source: str, table: pd.DataFrame) -> Evidence | None:
+def _on_switch(source: str, table: pd.DataFrame) -> pd.DataFrame:
+    """Scores under the switch, if there are some of both grounds."""
+    own = of_source(source, table)
+    own = own[own.perturbation == "switch"]
+    return own if own.trained_on.nunique() == len(TRAINED_ON) else own.iloc[:0]
+
+
+@both("5.5.2-switch-less-distinct", scores, rows=_on_switch)
+def less_distinct(rows: pd.DataFrame) -> Said:
     """Spread of the nets' mean scores under the switch, hill-trained against flat-trained."""
-    rows = table[(table.source == source) & (table.perturbation == "switch")]
     spread = rows[rows.statistic == "spread"].set_index("trained_on")
-    if len(spread) < 2:
-        return None
     flat, hill = spread.loc["flat"], spread.loc["hill"]
-    return _evidence(
-        rows,
+    return (
         graded(hill.high < flat.low, hill.value < flat.value, denied=hill.low > flat.high),
         "standard deviation over nets of their mean scores: "
-        f"{hill.value:.3f} [{hill.low:.3f}, {hill.high:.3f}] trained on hills, {flat.value:.3f} "
-        f"[{flat.low:.3f}, {flat.high:.3f}] trained on the flat.",
+        f"{with_interval(hill.value, hill.low, hill.high, '.3f')} trained on hills, "
+        f"{with_interval(flat.value, flat.low, flat.high, '.3f')} trained on the flat.",
     )
 
 
@@ -223,8 +228,7 @@ def less_distinct(source: str, table: pd.DataFrame) -> Evidence | None:
 def ctrnn_matches(source: str, table: pd.DataFrame) -> Evidence | None:
     """CTRNN against the FNNs under the switch, before and after training on hills."""
     behind = ahead(table, source, "robustness", "flat switch", GROUPS["FNNs"], ["CTRNN"])
-    level = pick(table, source, "robustness", "hill switch")
-    level = level[(level["first"] == "CTRNN") & level.second.isin(GROUPS["FNNs"])]
+    level = pick(table, source, "robustness", "hill switch", ["CTRNN"], GROUPS["FNNs"])
     if behind is None or level.empty:
         return None
     overtaken = ((level.difference < 0) & (level.p_runs < LEVEL)).any()
@@ -270,8 +274,7 @@ def simple_more_robust(source: str, table: pd.DataFrame) -> Evidence | None:
     if whole is None:
         return None
     at = [f"{ground} {what}" for ground in TRAINED_ON for what in PERTURBATIONS]
-    rows = pd.concat(pick(table, source, "robustness", quadrant) for quadrant in at)
-    rows = rows[rows["first"].isin(simple) & rows.second.isin(gated)]
+    rows = pd.concat(pick(table, source, "robustness", where, simple, gated) for where in at)
     over = (rows.difference > 0).groupby(rows.quadrant).all()
     against = rows[(rows.difference < 0) & (rows.p_runs < LEVEL)]
     listed = "; ".join(
@@ -288,56 +291,49 @@ def simple_more_robust(source: str, table: pd.DataFrame) -> Evidence | None:
 
 
 # ------------------------------------------------------------------ robots
-def _by_robot(table: pd.DataFrame, source: str) -> pd.DataFrame:
-    """Mean score over nets, robots down, quadrants across."""
-    rows = _means(table, source)
-    rows = rows[(rows.task != ALL) & (rows.architecture != ALL)]
-    return rows.pivot_table(index="task", columns=["trained_on", "perturbation"], values="value")
-
-
-def _extreme(table: pd.DataFrame, source: str, robot: str, *, highest: bool) -> Evidence | None:
-    """Whether a robot's mean score is the highest, or lowest, quadrant by quadrant.
+def _extreme(claim: str, robot: str, *, highest: bool) -> Criterion:
+    """The criterion that a robot's mean score is the highest, or lowest, quadrant by quadrant.
 
     Robots that lack one of the quadrants are not compared.
     """
-    by = _by_robot(table, source).dropna()
-    if robot not in by.index:
-        return None
-    first = by.idxmax() if highest else by.idxmin()
-    count = int((first == robot).sum())
-    verdict = graded(count == by.shape[1], 2 * count > by.shape[1])
-    listed = ", ".join(f"{ground} {what} {name}" for (ground, what), name in first.items())
-    which = "highest" if highest else "lowest"
-    rows = _means(table, source)
-    rows = rows[rows.task.isin(by.index)]
-    return _evidence(rows, verdict, f"the {which} mean score over nets: {listed}.")
+
+    def rows(source: str, table: pd.DataFrame) -> pd.DataFrame:
+        own = _by_net(source, table)
+        whole = own.groupby("task").value.transform("size") == QUADRANTS * len(NETS)
+        return own[whole] if robot in set(own.task[whole]) else own.iloc[:0]
+
+    def judge(rows: pd.DataFrame) -> Said:
+        by = rows.pivot_table("value", "task", ["trained_on", "perturbation"])
+        first = by.idxmax() if highest else by.idxmin()
+        count = int((first == robot).sum())
+        listed = ", ".join(f"{ground} {what} {name}" for (ground, what), name in first.items())
+        which = "highest" if highest else "lowest"
+        verdict = graded(count == QUADRANTS, 2 * count > QUADRANTS)
+        return verdict, f"the {which} mean score over nets: {listed}."
+
+    return both(claim, scores, rows=rows)(judge)
 
 
-@both("5.5.2-cheetah-robust", scores)
-def cheetah_robust(source: str, table: pd.DataFrame) -> Evidence | None:
-    """HalfCheetah scores highest."""
-    return _extreme(table, source, "HalfCheetah", highest=True)
+cheetah_robust = _extreme("5.5.2-cheetah-robust", "HalfCheetah", highest=True)
+hopper_worst = _extreme("5.5.2-hopper-worst", "Hopper", highest=False)
 
 
-@both("5.5.2-hopper-worst", scores)
-def hopper_worst(source: str, table: pd.DataFrame) -> Evidence | None:
-    """Hopper scores lowest."""
-    return _extreme(table, source, "Hopper", highest=False)
+def _hill_trained(source: str, table: pd.DataFrame) -> pd.DataFrame:
+    """Scores of nets but the ESN, trained on hills, if there are some of every robot."""
+    own = _by_net(source, table)
+    own = own[(own.trained_on == "hill") & (own.architecture != "ESN")]
+    whole = own.groupby("perturbation").task.nunique() == len(ROBOTS)
+    return own if whole.sum() == len(PERTURBATIONS) else own.iloc[:0]
 
 
-@both("5.5.2-ant-hill", scores)
-def ant_hill_robust(source: str, table: pd.DataFrame) -> Evidence | None:
+@both("5.5.2-ant-hill", scores, rows=_hill_trained)
+def ant_hill_robust(rows: pd.DataFrame) -> Said:
     """Hill-trained Ant against the mean of the robots, net by net, ESN left out as in the text."""
-    rows = _means(table, source)
-    rows = rows[(rows.trained_on == "hill") & (rows.task != ALL)]
-    rows = rows[~rows.architecture.isin([ALL, "ESN"])]
     listed, above, sure = [], [], []
     for what in PERTURBATIONS:
         by = rows[rows.perturbation == what].pivot(
             index="architecture", columns="task", values="value"
         )
-        if by.shape[1] < len(ROBOTS):
-            return None
         gap = by.Ant - by.mean(axis=1)
         p = float(ttest_1samp(gap, 0).pvalue)
         above.append(gap.mean() > 0)
@@ -345,27 +341,28 @@ def ant_hill_robust(source: str, table: pd.DataFrame) -> Evidence | None:
         place = by.mean().rank(ascending=False).Ant
         listed.append(f"under {what} {place:.0f} of {len(ROBOTS)} (p = {p:.2g})")
     sentence = f"the hill-trained Ant ranks {' and '.join(listed)}, tested against the mean robot."
-    return _evidence(rows, graded(all(sure), all(above)), sentence)
+    return graded(all(sure), all(above)), sentence
 
 
-@both("5.7-varies-across-tasks", scores)
-def varies_across_tasks(source: str, table: pd.DataFrame) -> Evidence | None:
+def _of_three_robots(source: str, table: pd.DataFrame) -> pd.DataFrame:
+    """Scores by net and robot, if there are some of three robots or more in every quadrant."""
+    own = _by_net(source, table)
+    many = own.groupby(["trained_on", "perturbation"]).task.nunique() > 2
+    return own if many.sum() == QUADRANTS else own.iloc[:0]
+
+
+@both("5.7-varies-across-tasks", scores, rows=_of_three_robots)
+def varies_across_tasks(rows: pd.DataFrame) -> Said:
     """Friedman's test that robots rank alike, nets as blocks, in each quadrant."""
-    rows = _means(table, source)
-    rows = rows[(rows.task != ALL) & (rows.architecture != ALL)]
     p = {
         f"{ground} {what}": friedman(
             own.pivot(index="architecture", columns="task", values="value")
         )
         for (ground, what), own in rows.groupby(["trained_on", "perturbation"])
-        if own.task.nunique() > 2
     }
-    if len(p) < 4:
-        return None
-    all_of_them = max(p.values()) < LEVEL
-    verdict = Verdict.REPRODUCED if all_of_them else Verdict.NOT_REPRODUCED
+    verdict = graded(max(p.values()) < LEVEL)
     listed = ", ".join(f"{quadrant} p = {value:.2g}" for quadrant, value in p.items())
-    return _evidence(rows, verdict, f"scores differ between robots, nets as blocks: {listed}.")
+    return verdict, f"scores differ between robots, nets as blocks: {listed}."
 
 
 def draw(table: pd.DataFrame) -> Figure:
@@ -384,8 +381,9 @@ def draw(table: pd.DataFrame) -> Figure:
     for (i, what), (j, ground) in product(enumerate(PERTURBATIONS), enumerate(TRAINED_ON)):
         ax = axes[i, j]
         for shift, source, edge in ((-0.2, "printed", COLOURS[7]), (0.2, "ours", COLOURS[0])):
-            own = _means(table, source)
+            own = of_source(source, table)
             own = own[(own.perturbation == what) & (own.trained_on == ground)]
+            own = own[own.statistic == "mean"]
             bars = own[own.task == ALL].set_index("architecture").reindex(list(NETS))
             span = np.abs(bars[["low", "high"]].sub(bars.value, axis=0).to_numpy().T)
             ax.bar(places + shift, bars.value, 0.38, yerr=span, color=edge, alpha=0.3, label=source)

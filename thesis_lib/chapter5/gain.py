@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -23,9 +22,10 @@ from thesis_lib.chapter5.networks import (
     rms,
     untrained_net,
 )
+from thesis_lib.edition.criteria import judged
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.ledger import Finding, Verdict, criterion
-from thesis_lib.edition.plots import COLOURS
+from thesis_lib.edition.ledger import Finding, criterion
+from thesis_lib.edition.plots import COLOURS, panels
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.policies import GaussianPolicy
 from thesis_lib.policies.response import measured_gain, small_signal_gain
@@ -160,9 +160,7 @@ def low_pass(table: pd.DataFrame, stage: str) -> Finding:
         + " and ".join(f"{kept[net]:.2f}" for net in mean.index[ours])
         + f" of the slow gain is left ({best}: {kept[best]:.2f})."
     )
-    if (wins == 1).all():
-        return Finding(Verdict.REPRODUCED, evidence)
-    return Finding(Verdict.DIRECTION if wins.mean() > 0.5 else Verdict.NOT_REPRODUCED, evidence)
+    return judged((wins == 1).all(), evidence, direction=wins.mean() > 0.5)
 
 
 @criterion("5.2-low-pass", untrained)
@@ -171,19 +169,19 @@ def low_pass_before_training(table: pd.DataFrame) -> Finding:
     return low_pass(table, "before training")
 
 
-def panels(
+def net_panels(
     names: Iterable[str], height: float, *, spare: bool = True
-) -> tuple[Figure, np.ndarray, Axes]:
-    """Small multiples, three a row; last, where the legend goes: one more, or the first."""
+) -> tuple[Figure, list[Axes], Axes]:
+    """A panel a network, three a row; last, where the legend goes: one more, or the first."""
     names = list(names)
-    lines = -(-(len(names) + spare) // 3)
-    fig, axes = plt.subplots(lines, 3, figsize=(7.2, height), sharex=True, sharey=True)
-    for ax, name in zip(axes.flat, names, strict=False):
+    fig, axes = panels(len(names) + spare, 3, height, 0.2, sharex=True, sharey=True)
+    for ax, name in zip(axes, names, strict=False):
         ax.set_title(name, fontsize=10)
         ax.tick_params(labelsize=8.5)
-    for ax in axes.flat[len(names) :]:
-        ax.axis("off")
-    return fig, axes.flat[: len(names)], axes.flat[len(names) if spare else 0]
+    if not spare:
+        return fig, axes, axes[0]
+    axes[-1].axis("off")
+    return fig, axes[:-1], axes[-1]
 
 
 def logarithmic(n: int) -> list[np.ndarray]:
@@ -194,7 +192,7 @@ def logarithmic(n: int) -> list[np.ndarray]:
 
 def figure(table: pd.DataFrame) -> Figure:
     """Gain over frequency, over that at the lowest frequencies: measured and linearised."""
-    fig, axes, spare = panels(table.net.unique(), 5.6)
+    fig, axes, spare = net_panels(table.net.unique(), 1.8)
     for ax, (_, own) in zip(axes, table.groupby("net", sort=False), strict=True):
         for _, one in own.groupby("seed"):
             slow = one.frequency < SLOW

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from thesis_lib.chapter5.gain import Point, Spectrum, bands, logarithmic, low_pass, panels
+from thesis_lib.chapter5.gain import Point, Spectrum, bands, logarithmic, low_pass, net_panels
 from thesis_lib.chapter5.networks import (
     GAIT,
     SLOW,
@@ -103,7 +103,7 @@ def figure(table: pd.DataFrame) -> Figure:
 
     Lines are geometric means over networks, and bands go from the least to the largest.
     """
-    fig, axes, legend = panels(table.net.unique(), 4.6, spare=False)
+    fig, axes, legend = net_panels(table.net.unique(), 2.2, spare=False)
     for ax, (_, own) in zip(axes, table.groupby("net", sort=False), strict=True):
         for stage, (colour, style) in STAGES.items():
             wide = own[own.stage == stage].pivot(index="frequency", columns="seed", values="gain")

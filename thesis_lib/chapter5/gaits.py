@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from thesis_lib.arrays import BoolArray, FloatArray
-from thesis_lib.chapter5 import live
+from thesis_lib.chapter5 import live, untrained
 from thesis_lib.chapter5.networks import low_to_high
 from thesis_lib.chapter5.open_loop import NAME, SMOKE_SEARCH, Search, find_gait
 from thesis_lib.edition.experiment import Context, experiment
@@ -26,8 +26,8 @@ from thesis_lib.optimisation import run_episodes
 RESOLUTION = 0.02
 """Spacing of the frequencies a spectrum is looked up at [Hz]."""
 
-SLOWEST = 0.25
-"""Frequencies from here on count as a gait's; what is slower is drift [Hz]."""
+DRIFT = 0.25
+"""Frequencies below this are drift, those from here on a gait's [Hz]."""
 
 
 def gait_frequency(angles: FloatArray, dt: float) -> float:
@@ -49,10 +49,10 @@ def gait_frequency(angles: FloatArray, dt: float) -> float:
         When the time is too short for two cycles of the slowest kind.
     """
     values = np.asarray(angles, dtype=np.float64)
-    if len(values) * dt < 2 / SLOWEST:
+    if len(values) * dt < 2 / DRIFT:
         raise ValueError(
-            f"{len(values) * dt:.2g} s of joint angles are too few: a gait of {SLOWEST:g} Hz "
-            f"needs at least {2 / SLOWEST:g} s."
+            f"{len(values) * dt:.2g} s of joint angles are too few: a gait of {DRIFT:g} Hz "
+            f"needs at least {2 / DRIFT:g} s."
         )
     padded = max(len(values), round(1 / (RESOLUTION * dt)))
     frequency, power = signal.periodogram(
@@ -60,7 +60,7 @@ def gait_frequency(angles: FloatArray, dt: float) -> float:
     )
     power = power.sum(axis=1)
     # A maximum at the bound is no peak but the flank of the drift below it.
-    peaks, _ = signal.find_peaks(np.where(frequency < SLOWEST, np.inf, power))
+    peaks, _ = signal.find_peaks(np.where(frequency < DRIFT, np.inf, power))
     if len(peaks) == 0:
         raise ValueError("the joints do not swing: their spectrum has no peak.")
     return float(frequency[peaks[np.argmax(power[peaks])]])
@@ -125,16 +125,18 @@ def episodes(config: Config, context: Context) -> list[Episode]:
         robot, index = job
         batch = _batch(robot, config, context, 0, index)
         act = find_gait(robot, config.search, context.seed, index).controller(config.episodes)
-        angles, length = [], np.zeros(config.episodes, dtype=int)
-        batch.reset()
-        start, running = batch.qpos[:, 0], np.ones(config.episodes, dtype=bool)
-        while running.any():
+        angles: list[FloatArray] = []
+
+        def watched(t: int) -> FloatArray:
             angles.append(_joints(batch, robot))
-            step = batch.step(act(len(angles) - 1))
-            length[running] = len(angles)
-            running &= ~(step.terminated | step.truncated)
-        distance = batch.qpos[:, 0] - start
-        return _records((robot, NAME, index), np.array(angles), length, distance, config.skip)
+            return act(t)
+
+        found = untrained.run_episodes(batch, watched, _steps(robot, config))
+        key, (length, distance) = (
+            (robot, NAME, index),
+            (found["length"].astype(int), found["distance"]),
+        )
+        return _records(key, np.array(angles), length, distance, config.skip)
 
     def network(index: int) -> list[Episode]:
         run = live.trained(config.learner.run(context.seed + index))
@@ -160,8 +162,12 @@ def episodes(config: Config, context: Context) -> list[Episode]:
 
 def _batch(robot: str, config: Config, context: Context, *key: int) -> BatchTask:
     (seed,) = context.seeds(1, 5, 11, list(ROBOTS).index(robot), *key)
-    steps = round(config.seconds / ROBOTS[robot].control_dt)
-    return BatchTask(robot, config.episodes, seed=seed, max_episode_steps=steps)
+    limit = _steps(robot, config)
+    return BatchTask(robot, config.episodes, seed=seed, max_episode_steps=limit)
+
+
+def _steps(robot: str, config: Config) -> int:
+    return round(config.seconds / ROBOTS[robot].control_dt)
 
 
 def _joints(batch: BatchTask, robot: str) -> FloatArray:
@@ -181,7 +187,7 @@ def _records(
     first = round(skip / dt)
     records = []
     for i, n in enumerate(length):
-        long_enough = (n - first) * dt >= 2 / SLOWEST
+        long_enough = (n - first) * dt >= 2 / DRIFT
         frequency = gait_frequency(angles[first:n, i], dt) if long_enough else np.nan
         records.append(Episode(*key, i, n * dt, distance[i], frequency))
     return records

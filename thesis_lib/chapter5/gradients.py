@@ -19,7 +19,7 @@ import pandas as pd
 import torch
 
 from thesis_lib.arrays import FloatArray
-from thesis_lib.edition.criteria import EXACT
+from thesis_lib.edition.criteria import EXACT, judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.policies import CTRNN
@@ -164,7 +164,6 @@ def gradient_of_the_integrator(table: pd.DataFrame) -> Finding:
         f"{middle['heun', 'nodes', ratio]:.2%}; those of the true midpoint by "
         f"{middle['midpoint', 'nodes', ratio]:.2%}."
     )
-    if max(exact.values()) < EXACT:
-        return Finding(Verdict.REPRODUCED, evidence)
+    same = max(exact.values()) < EXACT
     close = max(middle[name, "stages", ratio] for name in exact) < 0.01
-    return Finding(Verdict.DIRECTION if close else Verdict.REFUTED, evidence)
+    return judged(same, evidence, direction=close, otherwise=Verdict.REFUTED)

@@ -13,7 +13,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import ArrayLike
 from scipy.ndimage import maximum_filter
 
-from thesis_lib.edition.criteria import exact
+from thesis_lib.edition.criteria import exact, judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion, effect_of
 from thesis_lib.edition.plots import COLOURS
@@ -140,10 +140,7 @@ def hilltop_density(table: pd.DataFrame) -> Finding:
         tops = mean_ci(own.tops)
         near.append(abs(tops.mean - 0.3) < 0.03)
         parts.append(f"{preset} preset {tops.mean:.3f} ± {tops.half_width:.3f} (n = {tops.n} maps)")
-    return Finding(
-        Verdict.REPRODUCED if all(near) else Verdict.NOT_REPRODUCED,
-        f"Visible hilltops per square unit: {'; '.join(parts)}.",
-    )
+    return judged(all(near), f"Visible hilltops per square unit: {'; '.join(parts)}.")
 
 
 @criterion("5.1-height-difficulty", maps)
@@ -155,7 +152,7 @@ def height_is_difficulty(table: pd.DataFrame) -> Finding:
     evidence = f"The highest hill is as high as the difficulty for {', '.join(ratio.index[equal])}"
     evidence += "".join(f"; for the {r} it is {v:.2f} times that" for r, v in ratio[~equal].items())
     evidence += ". Only the narrowest hills are: the widest are half as high as the narrowest."
-    return Finding(Verdict.REPRODUCED if equal.all() else Verdict.DIRECTION, evidence)
+    return judged(equal.all(), evidence, otherwise=Verdict.DIRECTION)
 
 
 @criterion("5.1-steepness-difficulty", maps)

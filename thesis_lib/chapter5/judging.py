@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -21,7 +21,8 @@ from thesis_lib.chapter5.runs import ENOUGH
 from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Experiment
 from thesis_lib.edition.ledger import WEAKEST_FIRST, Criterion, Finding, Verdict, criterion
-from thesis_lib.stats import holm
+from thesis_lib.edition.words import with_interval
+from thesis_lib.stats import Comparison, holm
 
 _WORDS = {
     Verdict.REFUTED: "deny it",
@@ -63,17 +64,34 @@ class Evidence:
 _PARTS = re.compile(rf"(The printed tables|Our runs(?: \([^)]*\))?) ({'|'.join(_WORDS.values())}):")
 """Where the sentences of each source begin in the evidence for a claim."""
 
-Judge = Callable[..., Evidence | None]
-"""From a source, ``printed`` or ``ours``, and tables, to what they say; None without any run."""
+Said = tuple[Verdict, str]
+"""A verdict, and the numbers behind it in a sentence."""
 
 
-def both(claim: str, *experiments: Experiment[Any]) -> Callable[[Judge], Criterion]:
-    """Make a function of a source and tables the criterion of a claim."""
+def both(
+    claim: str, *experiments: Experiment[Any], rows: Callable[..., pd.DataFrame] | None = None
+) -> Callable[[Callable[..., Any]], Criterion]:
+    """Make a function of a source, ``printed`` or ``ours``, and tables the criterion of a claim.
 
-    def make(function: Judge) -> Criterion:
+    Parameters
+    ----------
+    claim, *experiments
+        As of :func:`~thesis_lib.edition.ledger.criterion`.
+    rows
+        From a source and tables to the rows that the claim rests on, as :func:`of_rows` takes
+        them.  With it, the function is one of these rows to what is :data:`Said`, and is not asked
+        if there are none.  Without, it returns :class:`Evidence`, or None without any run.
+    """
+
+    def make(function: Callable[..., Any]) -> Criterion:
+        def say(source: str, *tables: pd.DataFrame) -> Evidence | None:
+            if rows is None:
+                return cast("Evidence | None", function(source, *tables))
+            found = rows(source, *tables)
+            return None if found.empty else of_rows(found, *function(found))
+
         def judge(*tables: pd.DataFrame) -> Finding:
-            printed = function("printed", *tables)
-            return weigh(printed, function("ours", *tables))
+            return weigh(say("printed", *tables), say("ours", *tables))
 
         return criterion(claim, *experiments)(judge)
 
@@ -151,16 +169,31 @@ def _own(ours: Evidence | None) -> Verdict:
     return ours.verdict if whole else Verdict.INCONCLUSIVE
 
 
-def of_rows(
-    rows: pd.DataFrame, verdict: Verdict, sentence: str, *, tasks: int | None = None
-) -> Evidence:
-    """Evidence from rows that say what runs are behind them, and tasks unless these are given."""
+def of_source(source: str, table: pd.DataFrame) -> pd.DataFrame:
+    """The rows of one source."""
+    return table[table.source == source]
+
+
+def of_rows(rows: pd.DataFrame, verdict: Verdict, sentence: str) -> Evidence:
+    """Evidence from rows that say what is behind them.
+
+    Parameters
+    ----------
+    rows
+        Columns ``units`` and ``printed_budget``; how many robots there are in ``tasks`` or
+        ``robots``, or their names in ``task``; and ``of_tasks`` where not all were asked for.
+    verdict, sentence
+        Of the evidence.
+    """
+    counts = [rows[name].min() for name in ("tasks", "robots") if name in rows]
+    asked = rows.of_tasks.min() if "of_tasks" in rows else len(ROBOTS)
     return Evidence(
         verdict,
         sentence,
         int(rows.units.min()),
-        int(rows.tasks.min() if tasks is None else tasks),
+        int(counts[0] if counts else rows.task[rows.task.isin(ROBOTS)].nunique()),
         bool(rows.printed_budget.all()),
+        int(asked),
     )
 
 
@@ -222,9 +255,7 @@ def ahead(
         the unit too); direction only if all are above 0; refuted if one is below 0 with p < .05;
         None without rows.
     """
-    rows = pick(table, source, measure, quadrant)
-    rows = rows[rows["first"].isin(firsts) & rows.second.isin(seconds)]
-    rows = rows[rows["first"] != rows.second]
+    rows = pick(table, source, measure, quadrant, firsts, seconds)
     if rows.empty:
         return None
     p_runs, p_tasks = _holm(rows.p_runs), _holm(rows.p_tasks)
@@ -245,15 +276,23 @@ def ahead(
     return of_rows(rows, verdict, sentence)
 
 
-def pick(table: pd.DataFrame, source: str, measure: str, quadrant: str) -> pd.DataFrame:
-    """Contrasts of one source, measure and quadrant."""
+def pick(
+    table: pd.DataFrame,
+    source: str,
+    measure: str,
+    quadrant: str,
+    firsts: Sequence[str],
+    seconds: Sequence[str],
+) -> pd.DataFrame:
+    """Contrasts of each of some nets with each of others by one source, measure and quadrant."""
     at = (table.source == source) & (table.measure == measure) & (table.quadrant == quadrant)
-    return table[at]
+    at &= table["first"].isin(firsts) & table.second.isin(seconds)
+    return table[at & (table["first"] != table.second)]
 
 
-def difference(row: pd.Series) -> str:
+def difference(row: pd.Series | Comparison) -> str:
     """A difference with its interval, as text."""
-    return f"{row.difference:+.3f} [{row.low:.3f}, {row.high:.3f}]"
+    return with_interval(row.difference, row.low, row.high)
 
 
 def _over_tasks(p_tasks: np.ndarray, row: pd.Series) -> str:

@@ -153,10 +153,10 @@ class SlowestModes:
     late: int
 
 
-def slowest_modes(table: pd.DataFrame, task: str = "Hopper") -> SlowestModes:
-    """What the growth at rest tells of the CTRNNs of 1 s, at a robot's control step."""
+def slowest_modes(table: pd.DataFrame) -> SlowestModes:
+    """What the growth at rest tells of the CTRNNs of 1 s."""
     own = table[table.net == "CTRNN, 1 s"]
-    mu = 1 + np.log(own.growth) / ROBOTS[task].control_dt
+    mu = 1 + np.log(own.growth) / ROBOTS[Config.task].control_dt
     return SlowestModes(
         low=mu.min(),
         high=mu.max(),

@@ -92,13 +92,8 @@ def rms(values: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.mean(np.square(values), axis=-1)))
 
 
-def gait_band(frequency: pd.Series, gait: float = GAIT) -> pd.Series:
-    """Whether frequencies [Hz] are within a fifth of a gait's."""
-    return frequency.between(gait / 1.2, gait * 1.2)
-
-
 def gain_shares(own: pd.DataFrame, gait: float = GAIT) -> pd.DataFrame:
-    """Gain at a gait's frequencies and at those of noise, over that to slow signals, by seed.
+    """Gain within a fifth of a gait's frequency and at noise's, over that to slow signals, by seed.
 
     Parameters
     ----------
@@ -114,12 +109,22 @@ def gain_shares(own: pd.DataFrame, gait: float = GAIT) -> pd.DataFrame:
     """
     bands = {
         "slow": own.frequency < SLOW,
-        "gait": gait_band(own.frequency, gait),
+        "gait": own.frequency.between(gait / 1.2, gait * 1.2),
         "noise": own.frequency > FAST,
     }
     gain = pd.DataFrame({n: own[rows].groupby("seed").gain.mean() for n, rows in bands.items()})
     shares = gain[["gait", "noise"]].div(gain.slow, axis=0)
     return shares.assign(ratio=gain.noise / gain.gait)
+
+
+def by_network(cells: pd.Series) -> pd.DataFrame:
+    """A table of networks by robots, for a page, from cells indexed by task and architecture."""
+    wide = cells.unstack("task")
+    wide = wide.reindex(
+        index=[n for n in NAMES if n in wide.index], columns=[t for t in ROBOTS if t in wide]
+    )
+    wide = wide.rename(index=NAMES).rename_axis(None, axis=1).rename_axis("network")
+    return wide.reset_index().fillna("–")
 
 
 def low_to_high(values: pd.Series, places: int = 2) -> str:

@@ -2,31 +2,21 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from thesis_lib.chapter5.committed import COLUMNS, Config
-from thesis_lib.chapter5.networks import NAMES, STYLES
-from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.chapter5.committed import experiment_of
+from thesis_lib.chapter5.networks import NAMES, STYLES, by_network
+from thesis_lib.edition.criteria import LEVEL
+from thesis_lib.edition.plots import panels
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.stats import Summary, holm, welch
 
-COMMITTED = Config(("learning/curves",))
-
-
-@experiment(
-    "ch5-curves",
-    item="Section 5.5.1",
-    smoke=COMMITTED,
-    book=COMMITTED,
-    seconds=0.009,
-    columns=COLUMNS,
+curves = experiment_of(
+    *("ch5-curves", "learning/curves"),
+    "Learning curves of nine networks on the five flat tasks (committed with the book).",
 )
-def curves(config: Config, context: Context) -> pd.DataFrame:
-    """Learning curves of nine networks on the five flat tasks (committed with the book)."""
-    return config.read()
 
 
 def improvement(table: pd.DataFrame, last: int = 5) -> pd.DataFrame:
@@ -61,7 +51,7 @@ def improvement(table: pd.DataFrame, last: int = 5) -> pd.DataFrame:
         records.append((task, net, start.mean_return, mean, result.p_value))
     made = pd.DataFrame(records, columns=["task", "architecture", "first", "last", "p"])
     made["p"] = holm(made.p)
-    made["learned"] = (made["last"] > made["first"]) & (made.p < 0.05)
+    made["learned"] = (made["last"] > made["first"]) & (made.p < LEVEL)
     return made.set_index(["task", "architecture"])
 
 
@@ -75,18 +65,15 @@ def figure(table: pd.DataFrame) -> Figure:
         are several seeds, lines are means.
     """
     tasks = [task for task in ROBOTS if task in set(table.task)]
-    lines = -(-(len(tasks) + 1) // 3)
-    fig, axes = plt.subplots(lines, 3, figsize=(7.2, 2.7 * lines), squeeze=False)
-    for ax in axes.flat[len(tasks) :]:
-        ax.axis("off")
-    for ax, task in zip(axes.flat, tasks, strict=False):
+    fig, (*axes, spare) = panels(len(tasks) + 1, 3, 2.7)
+    for ax, task in zip(axes, tasks, strict=True):
         own = table[table.task == task]
         for net, (colour, style) in STYLES.items():
             one = own[own.architecture == net].groupby("iteration")[["steps", "mean_return"]].mean()
             ax.plot(one.steps / 1000, one.mean_return, style, color=colour, lw=1.2)
         ax.set_title(task, fontsize=10)
         ax.tick_params(labelsize=8.5)
-    spare = axes.flat[len(tasks)]
+    spare.axis("off")
     for net, (colour, style) in STYLES.items():
         spare.plot([], [], style, color=colour, label=NAMES[net])
     spare.legend(loc="center", fontsize=8.5)
@@ -111,7 +98,7 @@ def shown(table: pd.DataFrame, last: int = 5) -> pd.DataFrame:
         f"{first:.0f} → **{last:.0f}**" if learned else f"{first:.0f} → {last:.0f}"
         for first, last, learned in zip(ends["first"], ends["last"], gained.learned, strict=True)
     ]
-    return _by_network(pd.Series(cells, index=gained.index))
+    return by_network(pd.Series(cells, index=gained.index))
 
 
 def times(table: pd.DataFrame) -> pd.DataFrame:
@@ -124,16 +111,6 @@ def times(table: pd.DataFrame) -> pd.DataFrame:
     )
     runs = spent.groupby([table.task, table.architecture, table.seed]).sum()
     mean = runs.groupby(level=[0, 1]).mean()
-    return _by_network(
+    return by_network(
         mean.processor.map("{:.0f}".format) + " (" + mean.wall.map("{:.0f}".format) + ")"
     )
-
-
-def _by_network(cells: pd.Series) -> pd.DataFrame:
-    """A table of networks by tasks from cells indexed by task and architecture."""
-    wide = cells.unstack("task")
-    wide = wide.reindex(
-        index=[n for n in NAMES if n in wide.index], columns=[t for t in ROBOTS if t in wide]
-    )
-    wide = wide.rename(index=NAMES).rename_axis(None, axis=1).rename_axis("network")
-    return wide.reset_index().fillna("–")

@@ -12,8 +12,9 @@ from matplotlib.figure import Figure
 from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5.open_loop import CONTROLLERS, NAME, SMOKE_SEARCH, Search, find_gait
 from thesis_lib.chapter5.untrained import run_episodes, untrained
+from thesis_lib.edition.criteria import exact, judged
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.ledger import Finding, Verdict, criterion
+from thesis_lib.edition.ledger import Finding, criterion
 from thesis_lib.edition.plots import PRINTED
 from thesis_lib.locomotion.batch import BatchTask
 from thesis_lib.locomotion.robots import ROBOTS
@@ -111,11 +112,9 @@ def joint_angle_range(table: pd.DataFrame) -> Finding:
     beyond = largest[largest > np.pi / 2]
     parts = ", ".join(f"{robot} {value:.2f}" for robot, value in largest.items())
     evidence = f"Largest joint angles seen, rad, to be compared with π/2 = 1.57: {parts}."
-    if beyond.empty:
-        return Finding(Verdict.REPRODUCED, evidence)
-    return Finding(
-        Verdict.REFUTED, f"{evidence} {', '.join(beyond.index)} go beyond, within their limits."
-    )
+    if len(beyond):
+        evidence += f" {', '.join(beyond.index)} go beyond, within their limits."
+    return exact(beyond.empty, evidence)
 
 
 @criterion("5.1-joint-velocities", by_sensor)
@@ -123,8 +122,8 @@ def velocities_range_wider(table: pd.DataFrame) -> Finding:
     """Spread of joint velocities over that of joint angles, by robot and controller."""
     spread = table.groupby(["task", "controller", "group"]).sd.median().unstack()
     ratio = spread["joint velocity"] / spread["joint angle"]
-    return Finding(
-        Verdict.REPRODUCED if (ratio > 1).all() else Verdict.NOT_REPRODUCED,
+    return judged(
+        (ratio > 1).all(),
         "Numbers in rad/s spread "
         f"{ratio.min():.1f} to {ratio.max():.1f} times as wide as numbers in rad, over "
         f"{len(ratio)} pairs of robot and controller.",
@@ -142,8 +141,8 @@ def sigma_is_significant(table: pd.DataFrame) -> Finding:
     """Share of sensors whose own spread is at most twice the noise, by robot."""
     share = hit(table)
     parts = ", ".join(f"{robot} {value:.0%}" for robot, value in share.items())
-    return Finding(
-        Verdict.REPRODUCED if (share > 0.5).all() else Verdict.NOT_REPRODUCED,
+    return judged(
+        (share > 0.5).all(),
         f"Sensors hit by at least {SIGNIFICANT_SHARE:g} of their own standard deviation under the "
         f"{NAME}: {parts}; sensors that never move are left out.",
     )
@@ -154,8 +153,8 @@ def contacts_are_sparse(table: pd.DataFrame) -> Finding:
     """Share of the ant's contact entries that are exactly zero."""
     zero = table[table.group == "contact force"].groupby("controller", sort=False).zero.mean()
     parts = ", ".join(f"{controller} {share:.0%}" for controller, share in zero.items())
-    return Finding(
-        Verdict.REPRODUCED if (zero > 0.5).all() else Verdict.NOT_REPRODUCED,
+    return judged(
+        (zero > 0.5).all(),
         f"Share of the ant's contact entries that are exactly 0: {parts}.",
     )
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from thesis_lib import published, robustness
-from thesis_lib.chapter5.cells import TESTED
+from thesis_lib.chapter5.cells import TESTED, as_published
 from thesis_lib.chapter5.open_loop import NAME, SMOKE_SEARCH, Search, find_gait
 from thesis_lib.chapter5.untrained import run_episodes
 from thesis_lib.edition.experiment import Context, experiment
@@ -20,10 +19,7 @@ from thesis_lib.locomotion.perturbations import TerrainSwitch, WhiteNoise
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.locomotion.tasks import TEST_HORIZON, make_task
 from thesis_lib.locomotion.terrain import SWITCH_AT, hills
-from thesis_lib.published import TASKS
-
-CONDITIONS = dict(zip(("regular", "noise", "switch"), TESTED.values(), strict=True))
-"""Printed table of each of the thesis's tests."""
+from thesis_lib.robustness import CONDITIONS, PERTURBATIONS, score
 
 
 @dataclass(frozen=True)
@@ -48,7 +44,7 @@ class Run:
     search: int
     """Index of the search that found the gait."""
     condition: str
-    """regular, noise, switch, or flat field (a height field of height 0)."""
+    """base, noise, switch, or flat field (a height field of height 0)."""
     run: int
     """Index; one run starts from the same state in all conditions."""
     episode_return: float
@@ -77,7 +73,7 @@ def runs(config: Config, context: Context) -> list[Run]:
         (seed,) = context.seeds(1, 5, 6, list(ROBOTS).index(robot), index)
         flat_field = hills(0.0, 0, robot=robot)
         conditions: dict[str, tuple[list[Perturbation], HeightField | None]] = {
-            "regular": ([], None),
+            "base": ([], None),
             "noise": ([WhiteNoise(config.sigma)], None),
             "switch": ([TerrainSwitch(config.difficulty, seed=context.seed)], None),
             "flat field": ([], flat_field),
@@ -110,7 +106,7 @@ def flat_field(table: pd.DataFrame) -> str:
     own = table[table.task.isin(["HalfCheetah", "Ant"])]
     by = own.groupby(["task", "condition"]).episode_return.mean().unstack()
     parts = "; ".join(
-        f"{robot} {row['regular']:.0f} on the plane, {row['flat field']:.0f} on a flat height field"
+        f"{robot} {row['base']:.0f} on the plane, {row['flat field']:.0f} on a flat height field"
         for robot, row in by.iterrows()
     )
     return (
@@ -121,9 +117,7 @@ def flat_field(table: pd.DataFrame) -> str:
 
 def _printed(condition: str, robot: str) -> pd.Series:
     """Printed returns of the networks trained on the flat, by architecture."""
-    table = published.load(CONDITIONS[condition])
-    own = table[(table.task == TASKS[robot]) & (table.trained_on == "flat")]
-    return own.set_index("architecture").value
+    return as_published(TESTED[condition]).value.loc["flat"].loc[robot]
 
 
 def shown(table: pd.DataFrame) -> pd.DataFrame:
@@ -135,7 +129,8 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
         for condition in CONDITIONS:
             printed = _printed(condition, robot)
             ours = ", ".join(f"{v:.0f}" for v in mean[robot, condition])
-            record[condition] = f"**{ours}** ({printed.min():.0f}–{printed.max():.0f})"
+            heading = "regular" if condition == "base" else condition
+            record[heading] = f"**{ours}** ({printed.min():.0f}–{printed.max():.0f})"
         records.append(record)
     return pd.DataFrame(records)
 
@@ -145,10 +140,10 @@ def scores(table: pd.DataFrame, robots: Sequence[str]) -> pd.DataFrame:
     records = []
     for robot in robots:
         own = table[table.task == robot].groupby("condition").episode_return.mean()
-        base = _printed("regular", robot)
-        for condition in ("noise", "switch"):
+        base = _printed("base", robot)
+        for condition in PERTURBATIONS:
             perturbed = _printed(condition, robot)[base.index]
-            found = robustness.score(np.r_[base, own["regular"]], np.r_[perturbed, own[condition]])
+            found = score(np.r_[base, own.base], np.r_[perturbed, own[condition]])
             best = int(found[:-1].argmax())
             records.append(
                 {
@@ -164,9 +159,9 @@ def scores(table: pd.DataFrame, robots: Sequence[str]) -> pd.DataFrame:
 
 
 def crossing(
-    search: Search, seed: int, *, robot: str = "HalfCheetah", worlds: int = 12, frames: int = 6
+    search: Search, seed: int, *, worlds: int = 12, frames: int = 6
 ) -> tuple[np.ndarray, HeightField, list[str]]:
-    """States of a gait's run across the terrain switch, evenly spaced along its way.
+    """States of a half-cheetah's run across the terrain switch, evenly spaced along its way.
 
     Of some worlds, that with the longest way is chosen.
 
@@ -175,7 +170,7 @@ def crossing(
     tuple
         Positions, shape ``(frames, nq)``; the ground; and a caption for each state.
     """
-    switch = TerrainSwitch(1.0, seed=seed)
+    robot, switch = "HalfCheetah", TerrainSwitch(1.0, seed=seed)
     batch = BatchTask(
         make_task(robot, termination="test"), worlds, seed=seed, perturbations=[switch]
     )

@@ -5,16 +5,19 @@ from __future__ import annotations
 import textwrap
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from scipy.stats import ttest_1samp
 
-from thesis_lib.chapter5.committed import Config, time_constant
+from thesis_lib.chapter5.committed import COLUMNS, Config, experiment_of, time_constant
 from thesis_lib.chapter5.networks import NAMES, STYLES
 from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion, effect_of
 from thesis_lib.edition.plots import PRINTED
 from thesis_lib.edition.saved import saved
+from thesis_lib.edition.words import with_interval
 from thesis_lib.stats import mean_ci
 from thesis_lib.training.config import TrainConfig, step_size
 from thesis_lib.training.curves import MARGIN, PAIRED_COLUMNS, compared, summary
@@ -26,6 +29,9 @@ SWEEPS = ("dtrnn", "ctrnn", "esn", "previous_action", "dffwd", "softplus")
 
 FIRST = 100
 """Iterations at the printed batch by which settings were calibrated."""
+
+FEWEST = 3
+"""Seeds from which on a difference is judged."""
 
 COMMITTED = Config(tuple(f"options/{name}/curves" for name in SWEEPS))
 
@@ -144,6 +150,40 @@ def midpoint_learns_better(table: pd.DataFrame) -> Finding:
         worse and clear, worse, denied=clear and not worse, otherwise=Verdict.INCONCLUSIVE
     )
     return _at_calibrated(euler, Finding(verdict, evidence))
+
+
+seconds = experiment_of(
+    *("ch5-integrator-seconds", "options/ctrnn/curves"),
+    "Processor seconds of the CTRNN's iterations by setting (committed with the book).",
+    {n: COLUMNS[n] for n in ("task", "variant", "seed", "sampling_seconds", "update_seconds")},
+)
+
+
+@criterion("5.5.1-midpoint-cost", seconds)
+def midpoint_costs_time(table: pd.DataFrame) -> Finding:
+    """Seconds of a run with the author's midpoint over those with Euler's method, seed by seed."""
+    spent = table.assign(seconds=table.sampling_seconds + table.update_seconds)
+    by = spent.pivot_table("seconds", "seed", "variant", aggfunc="sum")
+    pairs = by.reindex(columns=[DEFAULT, "integrator=euler"]).dropna()
+    if len(pairs) < FEWEST:
+        told = f"Only {len(pairs)} seeds have been timed with both methods."
+        return Finding(Verdict.INCONCLUSIVE, told)
+    logs = np.log(pairs[DEFAULT] / pairs["integrator=euler"])
+    found, p = mean_ci(logs), float(ttest_1samp(logs, 0).pvalue)
+    ratio, low, high = np.exp(found.mean + found.half_width * np.array([0, -1, 1]))
+    return Finding(
+        graded(
+            found.mean > 0 and p < LEVEL,
+            found.mean > 0,
+            denied=p < LEVEL,
+            otherwise=Verdict.INCONCLUSIVE,
+        ),
+        f"A run with the author's midpoint (Heun) takes {with_interval(ratio, low, high, '.2f')} "
+        f"times the processor seconds of one with Euler's method ({table.task.iloc[0]}, "
+        f"{len(pairs)} seeds in pairs, {pairs[DEFAULT].mean():.1f} and "
+        f"{pairs['integrator=euler'].mean():.1f} s; paired t-test of logarithms, p = {p:.2g}).",
+        {"ratio": float(ratio), "p": p},
+    )
 
 
 def measured(table: pd.DataFrame, net: str, changed: str) -> str:

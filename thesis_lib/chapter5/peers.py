@@ -8,8 +8,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.figure import Figure
 
-from thesis_lib.chapter5.committed import Config, band
-from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.chapter5.committed import band, experiment_of
 from thesis_lib.edition.plots import COLOURS
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.stats import welch
@@ -25,8 +24,6 @@ COLUMNS: Mapping[str, str] = {
 }
 """Columns of the comparison, which ``benchmarks/sb3_learners.py`` makes."""
 
-COMMITTED = Config(("peers/curves",))
-
 LEARNERS = {
     ("peer", "dimension"): ("sb3-contrib", COLOURS[1], "-"),
     ("ours", "dimension"): ("ours", COLOURS[0], "-"),
@@ -36,17 +33,11 @@ LEARNERS = {
 """Name, colour and line of the learners compared, by baseline and bound on the divergence."""
 
 
-@experiment(
-    "ch5-peers",
-    item="Section 5.5.1",
-    smoke=COMMITTED,
-    book=COMMITTED,
-    seconds=0.007,
-    columns=COLUMNS,
+curves = experiment_of(
+    *("ch5-peers", "peers/curves"),
+    "Learning curves of TRPO, ours and sb3-contrib's (committed with the book).",
+    COLUMNS,
 )
-def curves(config: Config, context: Context) -> pd.DataFrame:
-    """Learning curves of TRPO, ours and sb3-contrib's (committed with the book)."""
-    return config.read(COLUMNS)
 
 
 def differences(table: pd.DataFrame, last: int = 10) -> pd.DataFrame:

@@ -9,15 +9,14 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
+from thesis_lib.edition.plots import panels
 from thesis_lib.locomotion import rendering
 from thesis_lib.locomotion.height_field import HeightField
 from thesis_lib.locomotion.robots import ROBOTS
 
 
-def gallery(
-    make: Callable[[], Sequence[rendering.Image]], titles: Sequence[str], columns: int = 3
-) -> Figure:
-    """Pictures in a grid; where the machine has no OpenGL, what to do about it instead.
+def gallery(make: Callable[[], Sequence[rendering.Image]], titles: Sequence[str]) -> Figure:
+    """Pictures, three a row; where the machine has no OpenGL, what to do about it instead.
 
     Rows at the top in which every picture is white, as the sky is, are left out.
 
@@ -27,10 +26,7 @@ def gallery(
         Draws the pictures; may raise :class:`~thesis_lib.locomotion.rendering.NoGL`.
     titles
         One for each picture.
-    columns
-        Pictures side by side.
     """
-    lines = -(-len(titles) // columns)
     try:
         images = make()
     except rendering.NoGL as missing:
@@ -41,11 +37,9 @@ def gallery(
     drawn = np.any(np.stack(images) < 255, axis=(0, 2, 3))
     images = [image[max(0, int(drawn.argmax()) - 8) :] for image in images]
     shape = images[0].shape
-    height = 7.2 / columns * shape[0] / shape[1] + 0.28
-    fig, axes = plt.subplots(lines, columns, figsize=(7.2, lines * height), squeeze=False)
-    for ax in axes.flat:
+    fig, axes = panels(len(titles), 3, 7.2 / 3 * shape[0] / shape[1] + 0.28)
+    for ax, image, title in zip(axes, images, titles, strict=True):
         ax.axis("off")
-    for ax, image, title in zip(axes.flat, images, titles, strict=False):
         ax.imshow(image)
         ax.set_title(title, fontsize=9)
     return fig

@@ -6,26 +6,16 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.figure import Figure
 
-from thesis_lib.chapter5.committed import COLUMNS, Config, band
-from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.chapter5.committed import band, experiment_of
+from thesis_lib.edition.criteria import LEVEL
 from thesis_lib.edition.ledger import effect_of
 from thesis_lib.edition.plots import COLOURS
 from thesis_lib.training.curves import MARGIN, compared
 
-COMMITTED = Config(("precision/curves",))
-
-
-@experiment(
-    "ch5-precision",
-    item="Section 5.5.1",
-    smoke=COMMITTED,
-    book=COMMITTED,
-    seconds=0.007,
-    columns=COLUMNS,
+curves = experiment_of(
+    *("ch5-precision", "precision/curves"),
+    "Learning curves with networks in float32 and in float64 (committed with the book).",
 )
-def curves(config: Config, context: Context) -> pd.DataFrame:
-    """Learning curves with networks in float32 and in float64 (committed with the book)."""
-    return config.read()
 
 
 @effect_of("5.4-number-type", curves)
@@ -40,7 +30,7 @@ def effect(table: pd.DataFrame) -> str:
 def reading(table: pd.DataFrame) -> str:
     """Return averaged over all iterations, float32 against float64, in sentences."""
     (row,) = compared(table, "precision").itertuples()
-    shown = "are" if row.p_equivalence < 0.05 else "cannot be"
+    shown = "are" if row.p_equivalence < LEVEL else "cannot be"
     half = (row.high - row.low) / 2
     return (
         f"Averaged over {table.iteration.max()} iterations of the {row.architecture.upper()} on "

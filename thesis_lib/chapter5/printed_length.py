@@ -10,21 +10,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from thesis_lib import published
-from thesis_lib.chapter5.cells import NETS, ROBOTS
+from thesis_lib.chapter5.cells import NETS, ROBOTS, as_published
 from thesis_lib.chapter5.contrasts import Config
 from thesis_lib.chapter5.figure_5_3 import bins, by_cell
 from thesis_lib.chapter5.runs import CELL, PRINTED_STEPS
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.plots import COLOURS, PRINTED
-from thesis_lib.published import TASKS
+from thesis_lib.edition.plots import COLOURS, PRINTED, panels
 from thesis_lib.robustness import TRAINED_ON
 
 
@@ -62,7 +60,7 @@ class Point:
     item="Table 5.2 (printed length)",
     smoke=Config(),
     book=Config(),
-    seconds=0.5,
+    seconds=2,
 )
 def curves(config: Config, context: Context) -> list[Point]:
     """Learning curves of runs as long as the thesis's, seed by seed."""
@@ -73,12 +71,12 @@ def curves(config: Config, context: Context) -> list[Point]:
         by_cell(store.curves, some.drop_duplicates(CELL))
         for some in (budgets[long], budgets[~long])
     )
-    by = published.load("table-5.2").set_index(["task", "trained_on", "architecture"])
+    by = as_published("table-5.2")
     rows = []
     for robot, ground, net in product(ROBOTS, TRAINED_ON, NETS):
         if (runs := cells.get((robot, ground, net))) is None:
             continue
-        printed = by.loc[(TASKS[robot], ground, net)]
+        printed = by.loc[(ground, robot, net)]
         rest = others.get((robot, ground, net), runs.iloc[:0])
         rows += [
             Point(robot, ground, net, *point, float(printed.value), float(printed.standard_error))
@@ -157,19 +155,17 @@ def draw(table: pd.DataFrame) -> Figure:
     """
     table = table[table.task == table.task.iloc[0]] if len(table) else table
     nets = [net for net in NETS if net in set(table.architecture)] or [NETS[0]]
-    columns = min(4, len(nets))
-    rows = -(-len(nets) // columns)
-    fig, axes = plt.subplots(
-        rows, columns, figsize=(7.2, 0.8 + 1.9 * rows), sharex=True, sharey=True, squeeze=False
-    )
-    for ax in axes.flat[len(nets) :]:
-        ax.axis("off")
+    fig, axes = panels(len(nets), 4, 1.9, 0.8, sharex=True, sharey=True)
     shown = [ground for ground in TRAINED_ON if ground in set(table.trained_on)]
-    for ax, net in zip(axes.flat, nets, strict=False):
+    for ax, net in zip(axes, nets, strict=True):
         ax.set_title(net, fontsize=9)
         if table.empty:
             ax.text(0.5, 0.5, "not run yet", transform=ax.transAxes, ha="center")
-        edge = {"transform": ax.get_yaxis_transform(), "clip_on": False, "ls": "none"}
+        edge: dict[str, Any] = {
+            "transform": ax.get_yaxis_transform(),
+            "clip_on": False,
+            "ls": "none",
+        }
         for ground, colour in zip(shown, COLOURS, strict=False):
             own = table[(table.architecture == net) & (table.trained_on == ground)]
             for _, run in own.groupby("seed"):

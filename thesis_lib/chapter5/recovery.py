@@ -9,7 +9,7 @@ import pandas as pd
 
 from thesis_lib.chapter5.open_loop import SMOKE_SEARCH, Search, find_gait
 from thesis_lib.chapter5.untrained import untrained
-from thesis_lib.edition.criteria import LEVEL
+from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.locomotion.batch import BatchTask
@@ -99,6 +99,6 @@ def swimmer_recovers(table: pd.DataFrame) -> Finding:
         f"equal within {MARGIN:.0%} with p = {test.p_value:.2g}; least way after random "
         f"actions {after.min():.2f} m."
     )
-    if test.p_value < LEVEL or gap.low > -margin:
-        return Finding(Verdict.REPRODUCED, evidence)
-    return Finding(Verdict.REFUTED if gap.high < -margin else Verdict.INCONCLUSIVE, evidence)
+    as_far = test.p_value < LEVEL or gap.low > -margin
+    denied = gap.high < -margin
+    return Finding(graded(as_far, denied=denied, otherwise=Verdict.INCONCLUSIVE), evidence)

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5.networks import policy_for, untrained_net
-from thesis_lib.edition.criteria import exact
+from thesis_lib.edition.criteria import exact, judged
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.ledger import Finding, Verdict, criterion, effect_of
+from thesis_lib.edition.ledger import Finding, criterion, effect_of
 from thesis_lib.edition.plots import COLOURS, PRINTED
 from thesis_lib.policies import ESN
 
@@ -236,9 +236,7 @@ def large_radius_magnifies(table: pd.DataFrame) -> Finding:
             f" With the values used in most tasks, 1.1 and a leak of {LEAK:g}, the exponents are "
             f"{mean[quiet]:.3f} and {mean[loud]:.3f} a step."
         )
-    if share[quiet] > 0.5 and share[loud] > 0.5:
-        return Finding(Verdict.REPRODUCED, evidence)
-    return Finding(Verdict.DIRECTION if rest > 0.5 else Verdict.NOT_REPRODUCED, evidence)
+    return judged(share[quiet] > 0.5 and share[loud] > 0.5, evidence, direction=rest > 0.5)
 
 
 @effect_of("5.2.5-leak", exponents)

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from thesis_lib.chapter5.gain import panels
+from thesis_lib.chapter5.gain import net_panels
 from thesis_lib.chapter5.networks import NETS, random_direction, rms, untrained_net
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.plots import COLOURS
@@ -77,7 +77,7 @@ def moments(config: Config, context: Context) -> list[Moment]:
 
 def figure(table: pd.DataFrame) -> Figure:
     """Response to an impulse and to a step, each over its largest value; one line a network."""
-    fig, axes, spare = panels(table.net.unique(), 5.6)
+    fig, axes, spare = net_panels(table.net.unique(), 1.8)
     colours = {"impulse": COLOURS[1], "step": COLOURS[0]}
     for ax, (_, own) in zip(axes, table.groupby("net", sort=False), strict=True):
         for signal, colour in colours.items():

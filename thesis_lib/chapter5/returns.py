@@ -11,23 +11,15 @@ from thesis_lib.chapter5.cell_table import (
     Cell,
     beside,
     best_against_best,
-    column,
-    evidence,
+    whole,
     whole_rows,
     wide,
 )
 from thesis_lib.chapter5.cells import GROUPS, NETS, TEST_RUNS
 from thesis_lib.chapter5.contrasts import Config, comparisons
-from thesis_lib.chapter5.judging import (
-    Evidence,
-    ahead,
-    both,
-    difference,
-    of_rows,
-    pick,
-)
-from thesis_lib.chapter5.runs import CELL, DEFAULT
-from thesis_lib.edition.criteria import LEVEL, graded
+from thesis_lib.chapter5.judging import Evidence, Said, ahead, both, difference, of_rows, pick
+from thesis_lib.chapter5.runs import CELL, plain
+from thesis_lib.edition.criteria import LEVEL, exact, graded
 from thesis_lib.edition.experiment import Context, Experiment, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.robustness import CONDITIONS, TRAINED_ON
@@ -45,11 +37,13 @@ def _returns(table: str, condition: str, item: str) -> Experiment[Config]:
 
     def cells(config: Config, context: Context) -> list[Cell]:
         store = config.runs()
-        tests = store.returns()
-        tests = tests[(tests.condition == condition) & (tests.correlation == 0)]
-        tests = tests[(tests.intervention == "none") & (tests.variant == DEFAULT)]
+        tests = plain(store.returns())
         ends = store.learning()[[*CELL, "seed", "last_return"]]
-        runs = tests.merge(ends, on=[*CELL, "seed"]).rename(columns={"return": "value"})
+        runs = (
+            tests[tests.condition == condition]
+            .merge(ends, on=[*CELL, "seed"])
+            .rename(columns={"return": "value"})
+        )
         return beside(table, runs, TEST_RUNS)
 
     cells.__doc__ = f"{published.TABLES[table]}, printed and ours, by robot, ground and net"
@@ -65,10 +59,10 @@ table_c_3 = _returns("table-c.3", "switch", "Table C.3")
 @both("5.5.2-no-single-best", table_c_1, comparisons)
 def no_single_best(source: str, table: pd.DataFrame, both_units: pd.DataFrame) -> Evidence | None:
     """Winners of the rows, and whether one net is ahead of all others on average."""
-    rows = whole_rows(table, source, least=2)
+    rows = whole_rows(table, source, TEST_RUNS, least=2)
     if rows.empty:
         return None
-    winners = wide(rows, column(source)[0]).idxmax(axis=1).value_counts()
+    winners = wide(rows, "value").idxmax(axis=1).value_counts()
     champions = [
         net
         for net in NETS
@@ -77,45 +71,38 @@ def no_single_best(source: str, table: pd.DataFrame, both_units: pd.DataFrame) -
     ]
     one = len(winners) == 1 or bool(champions)
     listed = ", ".join(f"{net} {count}" for net, count in winners.items())
-    return evidence(
+    return of_rows(
         rows,
-        table,
-        source,
         Verdict.REFUTED if one else Verdict.REPRODUCED,
         f"best in the regular test on {winners.sum()} rows: {listed}; ahead of all others on "
         f"average, with tasks as the unit too: {', '.join(champions) or 'none'}.",
     )
 
 
-@both("5.5.2-fnn-drops", comparisons)
-def fnn_drops(source: str, table: pd.DataFrame) -> Evidence | None:
+def _in_both(source: str, table: pd.DataFrame) -> pd.DataFrame:
+    """FNNs against RNNs in learning and in the regular test, if both are there."""
+    rows = [pick(table, source, what, "all", ["FNNs"], ["RNNs"]) for what in ("learning", "test")]
+    return pd.concat(rows if all(map(len, rows)) else [table.iloc[:0]])
+
+
+@both("5.5.2-fnn-drops", comparisons, rows=_in_both)
+def fnn_drops(rows: pd.DataFrame) -> Said:
     """Lead of FNNs over RNNs in learning less that in the regular test."""
-    rows = [pick(table, source, measure, "all") for measure in ("learning", "test")]
-    rows = [r[(r["first"] == "FNNs") & (r.second == "RNNs")] for r in rows]
-    if any(r.empty for r in rows):
-        return None
-    learning, test = (r.iloc[0] for r in rows)
+    learning, test = (row for _, row in rows.iterrows())
     drop = learning.difference - test.difference
     error = np.hypot(*((r.high - r.low) / (2 * norm.ppf(0.975)) for r in (learning, test)))
     p = 2 * norm.sf(abs(drop) / error)
-    return of_rows(
-        pd.concat(rows),
+    return (
         graded(drop > 0 and p < LEVEL, drop > 0, denied=p < LEVEL),
         f"FNNs less RNNs {difference(learning)} in learning and {difference(test)} in the "
         f"regular test, a fall of {drop:.3f} (p = {p:.2g}, intervals taken as normal).",
     )
 
 
-@both("5.5.2-best-rnn", table_c_1)
-def best_rnn(source: str, table: pd.DataFrame) -> Evidence | None:
+@both("5.5.2-best-rnn", table_c_1, rows=whole(TEST_RUNS, errors=True))
+def best_rnn(rows: pd.DataFrame) -> Said:
     """Rows on which the best RNN earns more than the best FNN: one of five against one of two."""
-    rows = whole_rows(table, source, errors=True)
-    if rows.empty:
-        return None
-    tests = {
-        at: best_against_best(row, source, TEST_RUNS)
-        for at, row in rows.groupby(["trained_on", "task"])
-    }
+    tests = {at: best_against_best(row) for at, row in rows.groupby(["trained_on", "task"])}
     pairs = len(GROUPS["RNNs"]) * len(GROUPS["FNNs"])
     p = holm([min(1.0, pairs * test.p_value) for test in tests.values()])
     more = pd.Series({at: test.difference > 0 for at, test in tests.items()})
@@ -133,21 +120,20 @@ def best_rnn(source: str, table: pd.DataFrame) -> Evidence | None:
         f"and for the rows) and {by['hill']} of {of['hill']} trained on hills ({clear['hill']}); "
         f"of seven equal nets an RNN would be best on {chance:.0%} of rows (p = {by_chance:.2g})."
     )
-    return evidence(rows, table, source, verdict, sentence)
+    return verdict, sentence
 
 
-@both("5.5.2-fnn-rugged", comparisons)
-def fnn_rugged(source: str, table: pd.DataFrame) -> Evidence | None:
+def _on_hills(source: str, table: pd.DataFrame) -> pd.DataFrame:
+    return pick(table, source, "test", "hill", ["FNNs"], ["RNNs"])
+
+
+@both("5.5.2-fnn-rugged", comparisons, rows=_on_hills)
+def fnn_rugged(rows: pd.DataFrame) -> Said:
     """FNNs against RNNs after training on hills: not below."""
-    rows = pick(table, source, "test", "hill")
-    rows = rows[(rows["first"] == "FNNs") & (rows.second == "RNNs")]
-    if rows.empty:
-        return None
     row = rows.iloc[0]
     below = row.difference < 0 and row.p_runs < LEVEL
     verdict = graded(row.low > -ON_PAR, denied=below, otherwise=Verdict.INCONCLUSIVE)
-    sentence = f"FNNs less RNNs {difference(row)} of the best return on a task."
-    return of_rows(rows, verdict, sentence)
+    return verdict, f"FNNs less RNNs {difference(row)} of the best return on a task."
 
 
 @criterion("table-5.3-is-c.1", table_5_3, table_c_1)
@@ -160,8 +146,8 @@ def same_table(short: pd.DataFrame, full: pd.DataFrame) -> Finding:
         f"{r.task} {r.trained_on}, {r.architecture}: {r.printed:.1f} and {r.printed_c:.1f}"
         for r in apart.itertuples()
     )
-    return Finding(
-        Verdict.REFUTED if len(apart) else Verdict.REPRODUCED,
+    return exact(
+        apart.empty,
         f"{len(apart)} of {len(pair)} cells differ{': ' + listed if listed else ''}.",
     )
 
@@ -174,12 +160,8 @@ def regular_test(base: pd.DataFrame, switch: pd.DataFrame) -> Finding:
         for t in (base, switch)
     ]
     ratio = both_tests[0] / both_tests[1]
-    if (ratio > 2).all():
-        verdict = Verdict.REFUTED
-    else:
-        verdict = Verdict.REPRODUCED if (ratio <= 1).all() else Verdict.NOT_REPRODUCED
     return Finding(
-        verdict,
+        graded((ratio <= 1).all(), denied=(ratio > 2).all()),
         f"Hill-trained swimmers earn {both_tests[0].min():.0f} to {both_tests[0].max():.0f} in the "
         f"regular test, {ratio.min():.1f} to {ratio.max():.1f} times what they earn where hills "
         "begin some way ahead. On hills from the start they would earn no more than there; the "
@@ -187,17 +169,19 @@ def regular_test(base: pd.DataFrame, switch: pd.DataFrame) -> Finding:
     )
 
 
-@both("5.5.2-gait-quality", table_c_1, table_c_2, table_c_3)
-def gait_quality(
-    source: str, base: pd.DataFrame, noise: pd.DataFrame, switch: pd.DataFrame
-) -> Evidence | None:
+def _in_every_test(source: str, *tables: pd.DataFrame) -> pd.DataFrame:
+    """Cells of flat-trained robots of which every net has been tested in all conditions."""
+    tests = [t.assign(condition=name) for name, t in zip(CONDITIONS, tables, strict=True)]
+    asked = pd.concat(tests, ignore_index=True)
+    return whole_rows(asked[asked.trained_on == "flat"], source, TEST_RUNS, least=2)
+
+
+@both("5.5.2-gait-quality", table_c_1, table_c_2, table_c_3, rows=_in_every_test)
+def gait_quality(rows: pd.DataFrame) -> Said:
     """Rank correlation over nets of base and perturbed return, by robot, flat-trained."""
-    asked = [t[t.trained_on == "flat"] for t in (base, noise, switch)]
-    robots = set.intersection(*(set(whole_rows(t, source).task) for t in asked))
-    if len(robots) < 2:
-        return None
-    rows = [t[t.task.isin(robots)] for t in asked]
-    regular, noisy, hilly = (wide(t, column(source)[0]).to_numpy() for t in rows)
+    regular, noisy, hilly = (
+        wide(rows[rows.condition == name], "value").to_numpy() for name in CONDITIONS
+    )
     with_noise, with_hills = (
         np.array([spearmanr(a, b).statistic for a, b in zip(regular, other, strict=True)])
         for other in (noisy, hilly)
@@ -205,10 +189,7 @@ def gait_quality(
     gap = np.arctanh(np.clip(with_hills, -LIMIT, LIMIT))
     gap -= np.arctanh(np.clip(with_noise, -LIMIT, LIMIT))
     p = float(ttest_1samp(gap, 0).pvalue)
-    return evidence(
-        pd.concat(rows, keys=CONDITIONS),
-        pd.concat(asked, keys=CONDITIONS),
-        source,
+    return (
         graded(gap.mean() > 0 and p < LEVEL, gap.mean() > 0),
         "rank correlation over nets between the regular return and the perturbed one, mean of "
         f"the robots: {with_hills.mean():.2f} under the switch and {with_noise.mean():.2f} "

@@ -8,6 +8,7 @@ same iteration; one that has not come so far is left out.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,11 +41,15 @@ TEST_COLUMNS: Mapping[str, str] = {
     "intervention": "what was done to the net in the test: none, no memory, no previous action "
     "or input filter",
     "policy": "of a training run: last, or that of the best batch (best)",
-    "run": "number of the test run, from 0",
+    "test": "number of the test run, from 0",
     "return": "return of the test run",
 }
 """Columns of ``tests``, one row a test run of a policy; ``correlation`` and ``intervention`` may
 be left out where there is none, and ``policy`` where it is the last."""
+
+TESTED_ALIKE = ("steps", "termination", "noise", "onset", "difficulty", "switch_at", "seed")
+"""Settings of :class:`~thesis_lib.training.suite.SuiteConfig` that ``tests`` has no column for:
+in one store they are the same for all."""
 
 PRINTED_STEPS = 500 * 50_000
 """Control steps of a run of table 5.2: 500 iterations of 50,000."""
@@ -84,6 +89,12 @@ class Runs:
             if values:
                 parts = [part[part[name].isin(values)] for part in parts]
         return Runs(*parts)
+
+    def in_full(self) -> Runs:
+        """The runs as long as the thesis's (:data:`PRINTED_STEPS`)."""
+        lengths = self.depths()
+        long = lengths.loc[lengths.steps >= PRINTED_STEPS, [*CELL, "layer"]]
+        return Runs(*(part.merge(long) for part in (self.curves, self.tests)))
 
     def depths(self, *, enough: int = ENOUGH, across: Sequence[str] = ()) -> pd.DataFrame:
         """The budgets there are for each cell, the one that counts first.
@@ -163,7 +174,7 @@ class Runs:
         Returns
         -------
         pandas.DataFrame
-            Columns of :data:`TEST_COLUMNS` less ``run`` and ``policy``, ``return`` (mean over its
+            Columns of :data:`TEST_COLUMNS` less ``test`` and ``policy``, ``return`` (mean over its
             test runs), ``iterations``, ``batch_steps``.
         """
         keys = ["seed", "condition", "correlation", "intervention", "iterations", "batch_steps"]
@@ -175,6 +186,12 @@ class Runs:
     def _chosen(table: pd.DataFrame, budgets: pd.DataFrame) -> pd.DataFrame:
         columns = [*CELL, "layer", "iterations", "batch_steps"]
         return table.merge(budgets[columns], on=[*CELL, "layer"])
+
+
+def plain(tests: pd.DataFrame) -> pd.DataFrame:
+    """Tests of nets with the default settings and nothing done to them, all noise white."""
+    white = (tests.correlation == 0) & (tests.intervention == "none")
+    return tests[white & (tests.variant == DEFAULT)]
 
 
 def read_runs(folder: Path | str | None = None) -> Runs:
@@ -189,14 +206,32 @@ def read_runs(folder: Path | str | None = None) -> Runs:
     Raises
     ------
     ValueError
-        When a file lacks a column.
+        When a file lacks a column, or tests were made under conditions that differ.
     """
     root = Path(folder) if folder else repository_root() / "results" / "study"
     curves = _read(root, "curves", CURVE_COLUMNS)
     tests = _read(root, "tests", TEST_COLUMNS)
+    _check_tested_alike(root)
     longest = curves.groupby([*CELL, "layer"]).iteration.transform("max")
     reached = curves.groupby([*CELL, "layer", "seed"]).iteration.transform("max")
     return Runs(curves[reached == longest], tests)
+
+
+def _check_tested_alike(root: Path) -> None:
+    """Raise ValueError where records of tests (``tests.json``) differ in their conditions."""
+    files = sorted(root.glob("**/tests.json"))
+    records = {path: json.loads(path.read_text(encoding="utf-8")) for path in files}
+    known = {path: made["config"] for path, made in records.items() if "config" in made}
+    for name in TESTED_ALIKE:
+        given = {path: config[name] for path, config in known.items() if name in config}
+        for path, value in given.items():
+            first = next(iter(given))
+            if value != given[first]:
+                raise ValueError(
+                    f"tests in {str(path.parent)!r} were made with {name} {value!r} and those in "
+                    f"{str(first.parent)!r} with {given[first]!r}, which one table would mix up: "
+                    "keep those of other conditions outside the store."
+                )
 
 
 def _read(root: Path, name: str, columns: Mapping[str, str]) -> pd.DataFrame:

@@ -8,15 +8,11 @@ import re
 
 import pandas as pd
 
-from thesis_lib import published, robustness
+from thesis_lib import published
 from thesis_lib.edition.criteria import exact
 from thesis_lib.edition.ledger import Finding, criterion, effect_of
+from thesis_lib.robustness import score
 from thesis_lib.training.disturbances import known_perturbations
-
-
-def score(base: float, perturbed: float, best: float) -> float:
-    """Equation 5.4 of one controller."""
-    return float(robustness.score(base, perturbed, best))
 
 
 @criterion("5.3-score-range")
@@ -29,7 +25,7 @@ def score_range() -> Finding:
         "best the score is indeed in [0, 1]."
     )
     inside = min(turned, backward) >= 0 and max(turned, backward) <= 1
-    return exact(inside, evidence)
+    return exact(bool(inside), evidence)
 
 
 @criterion("5.3-score-one")
@@ -38,7 +34,7 @@ def score_of_the_best() -> Finding:
     both = score(100, 100, best=100)
     least_loss = [score(b, p, best=100) for b, p in ((99.9, 100), (100, 99.9), (99.9, 99.9))]
     return exact(
-        both == 1 and max(least_loss) < 1,
+        bool(both == 1 and max(least_loss) < 1),
         "With base and perturbed return both the best on the pair the score is "
         f"{both:.3g}; a thousandth less in either or both gives at most {max(least_loss):.4f}.",
     )
@@ -60,7 +56,7 @@ def self_scoring() -> Finding:
     """A poor but steady controller, scored by its own best return and by another's."""
     own, other = score(1, 1, best=1), score(1, 1, best=1000)
     return exact(
-        own == 1 and other < 0.01,
+        bool(own == 1 and other < 0.01),
         f"Returns of 1 and 1 score {own:.3g} by the controller's own best and {other:.3g} beside a "
         "best of 1000.",
     )
@@ -71,7 +67,7 @@ def slowing_beats_turning() -> Finding:
     """Half speed, standing or turning aside, and going back, after a good base run."""
     slow, aside, back = (score(100, p, best=100) for p in (50, 0, -50))
     return exact(
-        slow > aside > back,
+        bool(slow > aside > back),
         f"After a base return of 100, half the speed on the hills scores {slow:.2f}, moving at "
         f"right angles {aside:.2f} and moving back {back:.2f}.",
     )

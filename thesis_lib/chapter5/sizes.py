@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from thesis_lib.chapter5.networks import NAMES, policy_for
+from thesis_lib.chapter5.networks import by_network, policy_for
 from thesis_lib.edition.criteria import exact
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, criterion, effect_of
@@ -201,6 +201,4 @@ def agreeing(table: pd.DataFrame) -> str:
 def shown(table: pd.DataFrame) -> pd.DataFrame:
     """Learned parameters and, in brackets, hidden units of every network on every task."""
     own = table[table.thesis].set_index(["architecture", "task"])
-    cells = own.learned.map("{:,}".format) + " (" + own.units.map("{:,}".format) + ")"
-    wide = cells.unstack().reindex(index=list(NAMES), columns=list(ROBOTS)).rename(index=NAMES)
-    return wide.rename_axis(None, axis=1).rename_axis("network").reset_index().fillna("–")
+    return by_network(own.learned.map("{:,}".format) + " (" + own.units.map("{:,}".format) + ")")

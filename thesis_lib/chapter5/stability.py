@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from thesis_lib.chapter5.networks import untrained_net
-from thesis_lib.edition.criteria import EXACT
+from thesis_lib.edition.criteria import EXACT, judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import COLOURS, PRINTED
@@ -118,10 +118,12 @@ def short_time_constants(table: pd.DataFrame) -> Finding:
         f"constant over step, {parts}. The leak by itself grows at {leak['euler']:g} of a step by "
         f"Euler's method and at {leak['heun']:g} by Heun's, and at nothing longer that was tried."
     )
-    if (below > 0.5).all(axis=None) and (above < 0.5).all(axis=None):
-        return Finding(Verdict.REPRODUCED, evidence)
-    some = (below.max() > 0.5).all()
-    return Finding(Verdict.DIRECTION if some else Verdict.REFUTED, evidence)
+    return judged(
+        (below > 0.5).all(axis=None) and (above < 0.5).all(axis=None),
+        evidence,
+        direction=(below.max() > 0.5).all(),
+        otherwise=Verdict.REFUTED,
+    )
 
 
 def reading(table: pd.DataFrame) -> str:

@@ -19,6 +19,7 @@ correlation times above 0, two Welch tests, both significant by Holm at .05.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,12 +31,13 @@ from matplotlib.figure import Figure
 from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5.cells import interval
 from thesis_lib.chapter5.contrasts import SMOKE, Config
+from thesis_lib.chapter5.judging import difference
 from thesis_lib.chapter5.runs import DEFAULT, PRINTED_STEPS, Runs
 from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import COLOURS
-from thesis_lib.edition.words import typeset
+from thesis_lib.edition.words import typeset, with_interval
 from thesis_lib.policies import CTRNN
 from thesis_lib.stats import Comparison, holm, welch
 from thesis_lib.training.grid import key
@@ -210,7 +212,7 @@ def because_it_filters(table: pd.DataFrame) -> Finding:
         return Finding(Verdict.NOT_RUN, "Its arms have not been trained and tested yet.")
     by = table.set_index("name")
     lead, slow, closed, gone = (
-        f"{r.value:+.3f} [{r.low:+.3f}, {r.high:+.3f}]"
+        with_interval(r.value, r.low, r.high)
         for r in by.loc[["lead", "slow noise", "filter", "fixed"]].itertuples()
     )
     left, steps = by.left_out.max(), by.share_of_steps.min()
@@ -238,14 +240,31 @@ def because_it_filters(table: pd.DataFrame) -> Finding:
     return Finding(verdict, evidence)
 
 
+def by_policy(table: pd.DataFrame, kind: str, times: Collection[float]) -> dict[str, pd.Series]:
+    """Each policy's share by kind: mean over some correlation times, in all of which it was tested.
+
+    Parameters
+    ----------
+    table
+        With ``correlation``, ``seed``, ``retained`` and the kind of policy.
+    kind
+        Its column.
+    times
+        Correlation times.
+    """
+    part = table[table.correlation.isin(times)]
+    wide = part.pivot_table(index=[kind, "seed"], columns="correlation", values="retained")
+    shares = wide.reindex(columns=list(times)).dropna().mean(axis=1)
+    return {str(name): own for name, own in shares.groupby(kind)}
+
+
 def _leads(table: pd.DataFrame, *, slow: bool) -> list[Comparison] | None:
     """What CTRNNs keep more than DTRNNs and than fixed ones; None if one has not been tested.
 
     Each policy counts once: by its mean over the correlation times above 0, or in white noise.
     """
-    part = table[(table.correlation > 0) == slow]
-    shares = part.pivot_table(index=["arm", "seed"], columns="correlation", values="retained")
-    by = {arm: own.mean(axis=1) for arm, own in shares.dropna().groupby("arm")}
+    times = sorted(set(table.correlation[(table.correlation > 0) == slow]))
+    by = by_policy(table, "arm", times)
     if not {"CTRNN", "DTRNN", "CTRNN, fixed"} <= set(by):
         return None
     return [welch(by["CTRNN"], by[other]) for other in ("DTRNN", "CTRNN, fixed")]
@@ -260,7 +279,7 @@ def keeps_more_in_correlated_noise(table: pd.DataFrame) -> Finding:
     seeds, steps = table.groupby("arm").seed.nunique().min(), _steps(table)
     values, p = np.array([f.difference for f in found]), holm([f.p_value for f in found])
     listed = " and ".join(
-        f"{f.difference:+.3f} [{f.low:+.3f}, {f.high:+.3f}] more than {other} (p = {q:.2g})"
+        f"{difference(f)} more than {other} (p = {q:.2g})"
         for f, q, other in zip(found, p, ("DTRNNs", "CTRNNs with fixed ones"), strict=True)
     )
     verdict = graded(
@@ -349,7 +368,7 @@ def reading(table: pd.DataFrame) -> str:
         found = _leads(table, slow=slow)
         if found is None:
             return "The policies have not all been tested yet."
-        kinds.append([f"{g.difference:+.3f} [{g.low:+.3f}, {g.high:+.3f}]" for g in found])
+        kinds.append([difference(lead) for lead in found])
     (white, white_fixed), (correlated, correlated_fixed) = kinds
     regular = table.drop_duplicates(["arm", "seed"]).groupby("arm").base.mean()
     behind = [

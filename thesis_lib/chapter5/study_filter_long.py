@@ -18,13 +18,18 @@ from matplotlib.figure import Figure
 
 from thesis_lib.chapter5.cells import NETS
 from thesis_lib.chapter5.contrasts import SMOKE, Config
-from thesis_lib.chapter5.runs import CELL, DEFAULT, ENOUGH, PRINTED_STEPS
-from thesis_lib.chapter5.study_filter import CORRELATIONS, ROBOT
+from thesis_lib.chapter5.judging import difference
+from thesis_lib.chapter5.runs import DEFAULT, ENOUGH
+from thesis_lib.chapter5.study_filter import CORRELATIONS, ROBOT, by_policy
 from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
 from thesis_lib.edition.plots import COLOURS
-from thesis_lib.stats import mean_ci, welch
+from thesis_lib.edition.words import several, with_interval
+from thesis_lib.stats import Comparison, holm, mean_ci, welch
+
+SLOW = CORRELATIONS[1:]
+"""Correlation times of noise that is not white."""
 
 LOOKS = 2
 """How often the criterion is asked of a growing number of seeds; each time at 5% over this."""
@@ -49,11 +54,7 @@ class Kept:
 @experiment("ch5-correlated-noise-long", item="Study 1", smoke=SMOKE, book=Config(), seconds=0.1)
 def kept(config: Config, context: Context) -> list[Kept]:
     """Shares of the return kept in noise of one variance by half-cheetahs trained in full."""
-    store = config.runs()
-    lengths = store.depths()
-    tests = store.tests.merge(
-        lengths[lengths.steps >= PRINTED_STEPS][[*CELL, "layer"]], on=[*CELL, "layer"]
-    )
+    tests = config.runs().in_full().tests
     tests = tests[
         (tests.task == ROBOT)
         & (tests.terrain == "flat")
@@ -70,20 +71,10 @@ def kept(config: Config, context: Context) -> list[Kept]:
     return rows
 
 
-def by_policy(table: pd.DataFrame) -> pd.Series:
-    """Each policy's share, mean over the correlation times above 0, where it was tested in all."""
-    slow = table[table.correlation > 0]
-    wide = slow.pivot_table(
-        index=["architecture", "seed"], columns="correlation", values="retained"
-    ).reindex(columns=[c for c in CORRELATIONS if c > 0])
-    return wide.dropna().mean(axis=1)
-
-
 @criterion("ch5-correlated-noise-long", kept)
 def keeps_more(table: pd.DataFrame) -> Finding:
     """CTRNNs against DTRNNs, in the mean over the correlation times above 0."""
-    shares = by_policy(table)
-    by = {str(net): own.to_numpy() for net, own in shares.groupby("architecture")}
+    by = by_policy(table, "architecture", SLOW)
     if not {"CTRNN", "DTRNN"} <= set(by):
         return Finding(Verdict.NOT_RUN, "No policies of the printed length have been tested so.")
     seeds = min(len(by["CTRNN"]), len(by["DTRNN"]))
@@ -103,10 +94,61 @@ def keeps_more(table: pd.DataFrame) -> Finding:
             otherwise=Verdict.INCONCLUSIVE,
         ),
         f"After the printed length of training CTRNNs keep, mean over the correlation times above "
-        f"0, {test.difference:+.3f} [{test.low:+.3f}, {test.high:+.3f}] more of their regular "
+        f"0, {difference(test)} more of their regular "
         f"return than DTRNNs (p = {test.p_value:.2g}, Welch, {seeds} seeds a net; below "
         f"{LEVEL / LOOKS:g} counts, as this is asked {LOOKS} times). Shares by net: {rest}.",
         {"difference": test.difference, "p": test.p_value},
+    )
+
+
+def lead(table: pd.DataFrame) -> dict[str, Comparison]:
+    """CTRNNs' share less DTRNNs' in white and in the slowest noise, and how it changes; Welch."""
+    wide = table.pivot_table(
+        index=["architecture", "seed"], columns="correlation", values="retained"
+    ).dropna()
+    if 0 not in wide or len(wide.columns) < 2:
+        return {}
+    white, slow = wide[0], wide[max(wide)]
+    found = {}
+    for name, shares in (("white", white), ("slow", slow), ("change", slow - white)):
+        by = {str(net): own.to_numpy() for net, own in shares.groupby("architecture")}
+        ours, theirs = (by.get(net, np.empty(0)) for net in ("CTRNN", "DTRNN"))
+        if min(len(ours), len(theirs)) < ENOUGH:
+            return {}
+        found[name] = welch(ours, theirs)
+    return found
+
+
+def reading(table: pd.DataFrame) -> str:
+    """Whether the lead is that of a filter, and which nets are behind CTRNNs; looked at after.
+
+    A first-order low pass weakens white noise most: were it what makes CTRNNs robust, their lead
+    over DTRNNs would shrink as noise of the same variance becomes slow.
+    """
+    found = lead(table)
+    if not found:
+        return "Too few policies as long as the thesis's have been tested in such noise."
+    told = {name: with_interval(t.difference, t.low, t.high, "+.2f") for name, t in found.items()}
+    change = found["change"]
+    if change.p_value >= LEVEL:
+        so = "which way it goes these seeds do not tell"
+    else:
+        so = "it shrinks, as a filter's would" if change.difference < 0 else "no filter does that"
+    by = by_policy(table, "architecture", SLOW)
+    others = [net for net in NETS if net != "CTRNN" and len(by.get(net, ())) >= ENOUGH]
+    tests = [welch(by["CTRNN"], by[net]) for net in others]
+    adjusted = holm([test.p_value for test in tests])
+    behind = [
+        net
+        for net, test, p in zip(others, tests, adjusted, strict=True)
+        if p < LEVEL and test.difference > 0
+    ]
+    return (
+        f"CTRNNs keep {told['white']} more than DTRNNs in white noise and {told['slow']} more in "
+        f"noise correlated over {table.correlation.max():g} steps. From the one to the other their "
+        f"lead changes by {told['change']}: {so}. In the mean over correlated noise CTRNNs are "
+        f"significantly ahead of {several(behind) if behind else 'no net'} (Welch, after Holm's "
+        f"correction over {len(others)} nets)."
     )
 
 

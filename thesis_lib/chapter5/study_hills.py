@@ -8,7 +8,7 @@ lose more of their return than flat-trained ones if their memory is zeroed at ev
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -16,18 +16,19 @@ from scipy.stats import ttest_1samp
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5 import cells
-from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS, Cells
+from thesis_lib.chapter5.cells import GROUPS, ROBOTS, Cells, weights
 from thesis_lib.chapter5.contrasts import SMOKE, Config
-from thesis_lib.chapter5.judging import Evidence, both, of_rows, together
+from thesis_lib.chapter5.judging import Evidence, both, of_rows, of_source, together
 from thesis_lib.chapter5.runs import CELL, DEFAULT, PRINTED_STEPS, Runs
 from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.words import plain
+from thesis_lib.edition.words import plain, with_interval
 from thesis_lib.robustness import PERTURBATIONS, TRAINED_ON, retained
 
 FLOOR = 0.01
 """A policy that keeps less of its return counts as keeping this much: logarithms need it."""
 
+IN_FULL = "in full"
 INTERVENTIONS = ("no memory", "no previous action")
 
 
@@ -36,7 +37,7 @@ class Effect:
     """One difference that training on hills makes, on a logarithmic scale."""
 
     source: str
-    """Printed or ours."""
+    """Printed, ours, or in full: those of ours that learned for as long as the thesis's."""
     name: str
     """Noise or switch: rise of the share kept, RNNs less FNNs.  Noise, RNNs: theirs alone.  No
     memory or no previous action: loss of the regular return without it, hill-trained less
@@ -57,23 +58,28 @@ class Effect:
     """Whether all learned for as many steps as the thesis's."""
 
 
-@experiment("ch5-hills", item="Study 2", smoke=SMOKE, book=Config(), seconds=0.2)
+@experiment("ch5-hills", item="Study 2", smoke=SMOKE, book=Config(), seconds=0.8)
 def effects(config: Config, context: Context) -> list[Effect]:
     """Differences of differences by training on hills, printed and ours."""
-    a, b, c = (np.random.default_rng(s) for s in context.seeds(3))
+    a, b, c, d = (np.random.default_rng(s) for s in context.seeds(4))
     store = config.runs()
-    printed = cells.printed(tuple(cells.TESTED.values()), a, config.resamples)
-    ours = cells.from_tests(store, b, config.resamples)
-    return [*_rises(printed), *_rises(ours), *_losses(store, c, config.resamples)]
+    found = [*_rises(cells.printed(tuple(cells.TESTED.values()), a, config.resamples))]
+    found += _rises(cells.from_tests(store, b, config.resamples))
+    found += _losses(store, c, config.resamples)
+    long = store.in_full()
+    return [
+        *found,
+        *_rises(replace(cells.from_tests(long, d, config.resamples), source=IN_FULL)),
+        *_losses(long, d, config.resamples, IN_FULL),
+    ]
 
 
 def _rises(made: Cells) -> Iterator[Effect]:
-    rnns = np.isin(NETS, GROUPS["RNNs"])
-    own, others = rnns / rnns.sum(), ~rnns / (~rnns).sum()
+    own, others = weights("RNNs"), weights("FNNs")
     means, resampled = _rise(made.mean), _rise(made.draws)
     for j, perturbation in enumerate(PERTURBATIONS):
-        for name, weights in ((perturbation, own - others), (f"{perturbation}, RNNs", own)):
-            mean, draws = means[j] @ weights, resampled[:, j] @ weights
+        for name, of in ((perturbation, own - others), (f"{perturbation}, RNNs", own)):
+            mean, draws = means[j] @ of, resampled[:, j] @ of
             there = np.isfinite(mean)
             if there.any():
                 units = int(made.units[:, there].min())
@@ -88,7 +94,9 @@ def _rise(returns: FloatArray) -> FloatArray:
     return rise
 
 
-def _losses(store: Runs, rng: np.random.Generator, n: int) -> Iterator[Effect]:
+def _losses(
+    store: Runs, rng: np.random.Generator, n: int, source: str = "ours"
+) -> Iterator[Effect]:
     """Log loss of the regular return by an intervention, hill-trained less flat-trained."""
     tests = store.returns(across=["terrain"])
     tests = tests[(tests.condition == "base") & (tests.variant == DEFAULT)]
@@ -116,7 +124,7 @@ def _losses(store: Runs, rng: np.random.Generator, n: int) -> Iterator[Effect]:
         units = min(len(samples[r, a, ground]) for r, a in nets for ground in TRAINED_ON)
         deep = bool((own.iterations * own.batch_steps >= PRINTED_STEPS).all())
         value, draws = (_by_robot(losses, nets, robots) for losses in (mean, drawn))
-        yield _effect("ours", name, value[0], draws, units, deep)
+        yield _effect(source, name, value[0], draws, units, deep)
 
 
 def _by_robot(
@@ -154,33 +162,61 @@ def _effect(
 
 
 def _above_zero(table: pd.DataFrame, source: str, name: str, what: str) -> Evidence | None:
-    rows = table[(table.source == source) & (table.name == name)]
+    own = of_source(source, table)
+    rows = own[own.name == name]
     if rows.empty:
         return None
     row = rows.iloc[0]
     verdict = graded(row.low > 0, row.value > 0, denied=row.high < 0)
-    sentence = f"{what} {row.value:+.2f} [{row.low:.2f}, {row.high:.2f}] on a logarithmic scale"
+    sentence = f"{what} {_interval(row)} on a logarithmic scale"
     if row.robots > 1:
         sentence += f"; with the {row.robots} robots as the unit p = {row.p_tasks:.2g}"
-    return of_rows(rows, verdict, f"{sentence}.", tasks=row.robots)
+    return of_rows(rows, verdict, f"{sentence}.")
 
 
 def reading(table: pd.DataFrame) -> str:
     """What zeroing memory, and the last action that recurrent nets read, does in the test."""
+    own = table[table.source == "ours"].set_index("name")
     told = []
     for name in INTERVENTIONS:
-        rows = table[(table.source == "ours") & (table.name == name)]
-        if rows.empty:
+        if name not in own.index:
             told.append(f"Policies with {name} have not been tested yet.")
             continue
-        row = rows.iloc[0]
-        interval = "" if np.isnan(row.low) else f" [{row.low:+.2f}, {row.high:+.2f}]"
         told.append(
             f"With {name} the loss of regular return of hill-trained RNNs, less that of "
-            f"flat-trained ones, is {row.value:+.2f}{interval} on a logarithmic scale "
-            f"({row.robots} robots, {row.units} seeds or more)."
+            f"flat-trained ones, is {_interval(own.loc[name])} on a logarithmic scale "
+            f"({_behind(own.loc[[name]])})."
         )
     return plain(" ".join(told))
+
+
+def reading_in_full(table: pd.DataFrame) -> str:
+    """The same losses, and the rise of the share kept, of policies that learned for as long."""
+    words = {
+        "noise": "by training on hills the share kept under noise rises more for RNNs than for "
+        "FNNs by",
+        "noise, RNNs": "that of RNNs by",
+        "no memory": "without memory hill-trained RNNs lose more by",
+        "no previous action": "without the previous action by",
+    }
+    own = table[(table.source == IN_FULL) & table.name.isin(list(words))].set_index("name")
+    if own.empty:
+        return "No policies that learned for as long as the thesis's have been tested so."
+    told = [f"{said} {_interval(own.loc[n])}" for n, said in words.items() if n in own.index]
+    return plain(
+        f"Of the policies that learned for as long as the thesis's alone ({_behind(own)}): "
+        f"{', '.join(told)}."
+    )
+
+
+def _interval(row: pd.Series) -> str:
+    return with_interval(row.value, row.low, row.high, "+.2f")
+
+
+def _behind(rows: pd.DataFrame) -> str:
+    """What is behind some effects."""
+    robots = rows.robots.min()
+    return f"{f'{robots} robots' if robots > 1 else 'one robot'}, {rows.units.min()} seeds or more"
 
 
 @both("5.7-pomdp-transfer", effects)

@@ -10,13 +10,13 @@ import numpy as np
 import pandas as pd
 from scipy.stats import nct, t
 
+from thesis_lib.chapter5.cell_table import column
 from thesis_lib.chapter5.cells import LEARNING_RUNS, NETS
 from thesis_lib.chapter5.contrasts import Config
-from thesis_lib.chapter5.judging import Evidence, both
-from thesis_lib.chapter5.runs import ENOUGH
+from thesis_lib.chapter5.judging import Said, both, of_source
 from thesis_lib.chapter5.table_5_2 import entries
+from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.ledger import Verdict
 
 POWER = 0.8
 """Chance of finding a difference that counts as enough."""
@@ -87,21 +87,19 @@ def seeds_needed(difference: float, sd: float) -> int:
     return low
 
 
-@experiment("ch5-seeds", item="Study 3", smoke=Config(), book=Config(), seconds=0.9)
+@experiment("ch5-seeds", item="Study 3", smoke=Config(), book=Config(), seconds=1.4)
 def pairs(config: Config, context: Context) -> list[Pair]:
     """Seeds that table 5.2's rankings need, from printed and from our variances."""
     table = entries.run(config=config).table
     rows: list[Pair] = []
-    for source, value, error in (
-        ("printed", "printed", "printed_error"),
-        ("ours", "ours", "error"),
-    ):
+    for source in ("printed", "ours"):
         for _, row in table.groupby(["trained_on", "task"], sort=False):
-            rows += _pairs(source, row.set_index("architecture"), value, error)
+            rows += _pairs(source, row.set_index("architecture"))
     return rows
 
 
-def _pairs(source: str, row: pd.DataFrame, value: str, error: str) -> Iterator[Pair]:
+def _pairs(source: str, row: pd.DataFrame) -> Iterator[Pair]:
+    value, error, _ = column(source)
     if row[error].isna().any() or (row[error] == 0).any():
         row = row[row[error] > 0]  # runs that were cut short have no spread
         if len(row) < len(NETS) - 1:
@@ -130,26 +128,17 @@ def _pairs(source: str, row: pd.DataFrame, value: str, error: str) -> Iterator[P
         )
 
 
-@both("ch5-five-seeds", pairs)
-def five_seeds(source: str, table: pd.DataFrame) -> Evidence | None:
+@both("ch5-five-seeds", pairs, rows=of_source)
+def five_seeds(rows: pd.DataFrame) -> Said:
     """Share of the pairs of nets that five seeds tell apart, and how many it takes."""
-    rows = table[table.source == source]
-    if rows.empty:
-        return None
     enough = rows.power >= POWER
-    if enough.mean() > 0.5:
-        verdict = Verdict.REPRODUCED
-    else:
-        verdict = Verdict.NOT_REPRODUCED if enough.mean() > 0.25 else Verdict.REFUTED
+    verdict = graded(enough.mean() > 0.5, denied=enough.mean() <= 0.25)
     by_row = rows.drop_duplicates(["trained_on", "task"])
     share = by_row.between_nets / (by_row.between_nets + by_row.between_seeds)
-    sentence = (
+    return verdict, (
         f"{LEARNING_RUNS} seeds tell {enough.sum()} of {len(rows)} pairs of nets apart with a "
         f"chance of {POWER:.0%}; half of the pairs need {rows.seeds_needed.median():.0f} seeds or "
         f"fewer, nine in ten {rows.seeds_needed.quantile(0.9):.0f} (counted up to {MOST_SEEDS}). "
         f"Nets explain {share.min():.0%} to {share.max():.0%} of a row's variance (median "
         f"{share.median():.0%}), seeds the rest."
     )
-    robots = rows.task.nunique()
-    units = int(rows.units.min()) if source == "ours" else max(ENOUGH, int(rows.units.min()))
-    return Evidence(verdict, sentence, units, robots, bool(rows.printed_budget.all()))

@@ -5,8 +5,8 @@ An entry is the mean over S runs and K iterations of the mean return of an itera
 .. math:: \bar R = \frac{1}{S K} \sum_{s=1}^{S} \sum_{k=1}^{K} \bar R_{s,k} .
 
 ``leads(claim, "learning", "all", firsts, seconds)`` judges a claim by whether each of some nets is
-ahead of each of others, over runs and after Holm; ``both`` asks the printed table and our runs, and
-the claim is as good as the weaker.
+ahead of each of others, over runs and after Holm; ``both`` asks the printed table and our runs, of
+each the ``rows`` that the claim rests on, and the claim is as good as the weaker.
 """
 
 from __future__ import annotations
@@ -21,22 +21,14 @@ from thesis_lib.chapter5.cell_table import (
     Cell,
     beside,
     best_against_best,
-    column,
-    evidence,
     summary,
+    whole,
     whole_rows,
     wide,
 )
 from thesis_lib.chapter5.cells import GROUPS, LEARNING_RUNS, NETS
 from thesis_lib.chapter5.contrasts import Config, comparisons
-from thesis_lib.chapter5.judging import (
-    Evidence,
-    ahead,
-    both,
-    difference,
-    leads,
-    pick,
-)
+from thesis_lib.chapter5.judging import Evidence, Said, ahead, both, difference, leads, pick
 from thesis_lib.chapter5.runs import ENOUGH
 from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Context, experiment
@@ -70,9 +62,8 @@ def ffwd_second(source: str, table: pd.DataFrame) -> Evidence | None:
     found = ahead(table, source, "learning", "all", ["FFWD"], GROUPS["RNNs"])
     if found is None:
         return None
-    rows = pick(table, source, "learning", "all")
-    deep = rows[(rows["first"] == "DFFWD") & (rows.second == "FFWD")].iloc[0]
-    over = rows[(rows["first"] == "FFWD") & rows.second.isin(GROUPS["RNNs"])].difference.min()
+    deep = pick(table, source, "learning", "all", ["DFFWD"], ["FFWD"]).iloc[0]
+    over = pick(table, source, "learning", "all", ["FFWD"], GROUPS["RNNs"]).difference.min()
     near = abs(deep.difference) < over
     verdict = found.verdict
     if not near and verdict is Verdict.REPRODUCED:
@@ -81,23 +72,16 @@ def ffwd_second(source: str, table: pd.DataFrame) -> Evidence | None:
     return replace(found, verdict=verdict, sentence=sentence)
 
 
-@both("5.5.1-esn-underperforms", entries)
-def esn_below(source: str, table: pd.DataFrame) -> Evidence | None:
+@both("5.5.1-esn-underperforms", entries, rows=whole(LEARNING_RUNS, "task != 'Ant'", least=2))
+def esn_below(rows: pd.DataFrame) -> Said:
     """ESN less the mean of the other nets, by row, in shares; the ant's runs were cut short."""
-    asked = table[table.task != "Ant"]
-    rows = whole_rows(asked, source, least=2)
-    if rows.empty:
-        return None
-    by = wide(rows, column(source)[0])
+    by = wide(rows, "value")
     by = by.div(by.max(axis=1), axis=0)
     gap = by.ESN - by.drop(columns="ESN").mean(axis=1)
     p = float(ttest_1samp(gap, 0).pvalue)
     rank = by.rank(axis=1, ascending=False).ESN.mean()
     most = 2 * (gap < 0).sum() > len(gap)
-    return evidence(
-        rows,
-        asked,
-        source,
+    return (
         graded(most and p < LEVEL, most),
         f"the ESN is below the mean of the other nets on {(gap < 0).sum()} of {len(gap)} rows (the "
         f"ant's, which were not completed, left out; p = {p:.2g} over rows), mean rank {rank:.1f} "
@@ -105,42 +89,43 @@ def esn_below(source: str, table: pd.DataFrame) -> Evidence | None:
     )
 
 
-@both("5.5.1-hopper-hard", entries)
-def hopper_hard(source: str, table: pd.DataFrame) -> Evidence | None:
-    """Best FNN over best RNN, by robot on the flat; of ours, robots with the Hopper's budget."""
+def _beside_the_hopper(source: str, table: pd.DataFrame) -> pd.DataFrame:
+    """Flat rows, if the Hopper's is one; of ours, those of robots with its budget, net by net."""
     asked = table[table.trained_on == "flat"]
-    rows = whole_rows(asked, source)
-    hopper = rows[rows.task == "Hopper"]
-    if hopper.empty:
-        return None
     if source == "ours":
-        budget = ["iterations", "batch_steps"]
-        rows = rows[(rows[budget] == hopper[budget].iloc[0]).all(axis=1)]
-    by = wide(rows, column(source)[0]).droplevel("trained_on")
+        budget = asked.set_index("architecture")[["iterations", "batch_steps"]]
+        hoppers = budget[(asked.task == "Hopper").to_numpy()].reindex(budget.index)
+        same = (budget == hoppers).all(axis=1).to_numpy()
+        asked = asked.assign(ours=asked.ours.where(same))
+    rows = whole_rows(asked, source, LEARNING_RUNS)
+    return rows if (rows.task == "Hopper").any() else rows.iloc[:0]
+
+
+@both("5.5.1-hopper-hard", entries, rows=_beside_the_hopper)
+def hopper_hard(rows: pd.DataFrame) -> Said:
+    """Best FNN over best RNN, by robot on the flat; of ours, robots with the Hopper's budget."""
+    hopper = rows[rows.task == "Hopper"]
+    by = wide(rows, "value").droplevel("trained_on")
     ratio = by[list(GROUPS["FNNs"])].max(axis=1) / by[list(GROUPS["RNNs"])].max(axis=1)
     listed = ", ".join(f"{robot} {value:.2f}" for robot, value in ratio.items())
     verdict, p = Verdict.NOT_REPRODUCED, ""
-    if ratio.idxmax() == "Hopper" and hopper[column(source)[1]].notna().all():
-        test = best_against_best(hopper, source, LEARNING_RUNS)
+    if ratio.idxmax() == "Hopper" and hopper.error.notna().all():
+        test = best_against_best(hopper)
         sure = test.difference < 0 and test.p_value < LEVEL
         verdict = Verdict.REPRODUCED if sure else Verdict.DIRECTION
         p = f"; on the Hopper the two differ with p = {test.p_value:.2g}"
-    return evidence(
-        rows, asked, source, verdict, f"best FNN over best RNN on the flat: {listed}{p}."
-    )
+    return verdict, f"best FNN over best RNN on the flat: {listed}{p}."
 
 
-@both("5.5.1-hopper-vanilla", entries)
-def hopper_vanilla(source: str, table: pd.DataFrame) -> Evidence | None:
+_HOPPER = "trained_on == 'flat' and task == 'Hopper'"
+
+
+@both("5.5.1-hopper-vanilla", entries, rows=whole(LEARNING_RUNS, _HOPPER))
+def hopper_vanilla(rows: pd.DataFrame) -> Said:
     """CTRNN and DTRNN against ESN, GRU and LSTM on the flat hopper, by Welch."""
-    table = table[(table.trained_on == "flat") & (table.task == "Hopper")].set_index("architecture")
-    value, error, _ = column(source)
-    if table[value].isna().any():
-        return None
-    known = bool(table[error].notna().all())
-    summaries = {
-        net: summary(table.loc[net], source, LEARNING_RUNS) for net in GROUPS["RNNs"] if known
-    }
+    by = rows.set_index("architecture")
+    known = bool(by.error.notna().all())
+    summaries = {net: summary(by.loc[net]) for net in GROUPS["RNNs"] if known}
     tests = [
         welch(summaries[vanilla], summaries[other])
         for vanilla in GROUPS["vanilla RNNs"]
@@ -150,21 +135,18 @@ def hopper_vanilla(source: str, table: pd.DataFrame) -> Evidence | None:
     significant = [t.difference > 0 and t.p_value < LEVEL for t in tests]
     above = [t.difference > 0 for t in tests]
     verdict = graded(known and all(significant), known and all(above))
-    listed = ", ".join(f"{net} {table.loc[net, value]:.0f}" for net in GROUPS["RNNs"])
+    listed = ", ".join(f"{net} {by.value[net]:.0f}" for net in GROUPS["RNNs"])
     sentence = (
         f"mean returns {listed}; {sum(significant)} of {len(tests)} differences between a vanilla "
         "and another net significant (Welch)."
     )
-    return evidence(table, table, source, verdict, sentence)
+    return verdict, sentence
 
 
-@both("table-5.2-bold", entries)
-def bold(source: str, table: pd.DataFrame) -> Evidence | None:
+@both("table-5.2-bold", entries, rows=whole(LEARNING_RUNS))
+def bold(rows: pd.DataFrame) -> Said:
     """Rows led by one net alone."""
-    rows = whole_rows(table, source)
-    if rows.empty:
-        return None
-    lead = wide(rows, column(source)[2])
+    lead = wide(rows, "leads")
     leaders = lead.sum(axis=1)
     alone = leaders == 1
     some = leaders.between(1, len(NETS) - 1).sum()
@@ -177,44 +159,37 @@ def bold(source: str, table: pd.DataFrame) -> Evidence | None:
         f"one net is significantly better than all others on {alone.sum()} of {len(lead)} rows; "
         f"on {some} a leading group is better than some. Led by one or two: {groups or 'none'}."
     )
-    return evidence(rows, table, source, graded(alone.any(), some > 0), sentence)
+    return graded(alone.any(), some > 0), sentence
 
 
-def _spread(table: pd.DataFrame, source: str) -> tuple[pd.Series, pd.Series]:
-    """Mean standard error and mean relative one by row, RNNs over FNNs; incomplete runs out."""
-    value, error, _ = column(source)
-    table = table[(table.architecture != "ESN") | (table.task != "Ant")]
-    kind = table.architecture.isin(GROUPS["FNNs"]).map({True: "FNNs", False: "RNNs"})
-    rows = [table.trained_on, table.task, kind]
-    absolute = table[error].groupby(rows).mean().unstack()
-    relative = (table[error] / table[value]).groupby(rows).mean().unstack()
+def _spread(cells: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Mean standard error and mean relative one by row, of RNNs and FNNs; incomplete runs out."""
+    cells = cells[(cells.architecture != "ESN") | (cells.task != "Ant")]
+    kind = cells.architecture.isin(GROUPS["FNNs"]).map({True: "FNNs", False: "RNNs"})
+    rows = [cells.trained_on, cells.task, kind]
+    absolute = cells.error.groupby(rows).mean().unstack()
+    relative = (cells.error / cells.value).groupby(rows).mean().unstack()
     return absolute, relative
 
 
-@both("5.5.2-rnn-vary", entries)
-def rnn_vary(source: str, table: pd.DataFrame) -> Evidence | None:
+@both("5.5.2-rnn-vary", entries, rows=whole(LEARNING_RUNS, errors=True, least=2))
+def rnn_vary(rows: pd.DataFrame) -> Said:
     """Standard errors over learning runs, RNNs against FNNs, rows in pairs."""
-    rows = whole_rows(table, source, errors=True, least=2)
-    if rows.empty:
-        return None
     listed, sure, larger = [], [], []
-    for name, part in zip(("itself", "relation to the mean"), _spread(rows, source), strict=True):
+    for name, part in zip(("itself", "relation to the mean"), _spread(rows), strict=True):
         ratio = np.log(part.RNNs / part.FNNs)
         p = float(ttest_1samp(ratio, 0).pvalue)
         larger.append(ratio.mean() > 0)
         sure.append(ratio.mean() > 0 and p < LEVEL)
         listed.append(f"in {name} {np.exp(ratio.mean()):.2f} times that of FNNs (p = {p:.2g})")
     sentence = f"RNNs' standard error over learning runs is {' and '.join(listed)}."
-    return evidence(rows, table, source, graded(all(sure), any(larger)), sentence)
+    return graded(all(sure), any(larger)), sentence
 
 
-@both("6.1-fnn-stable", entries)
-def fnn_stable(source: str, table: pd.DataFrame) -> Evidence | None:
+@both("6.1-fnn-stable", entries, rows=whole(LEARNING_RUNS, errors=True))
+def fnn_stable(rows: pd.DataFrame) -> Said:
     """Rows on which FNNs vary less between learning runs, as a share of their mean."""
-    rows = whole_rows(table, source, errors=True)
-    if rows.empty:
-        return None
-    _, relative = _spread(rows, source)
+    _, relative = _spread(rows)
     less = relative.FNNs < relative.RNNs
     p = float(binomtest(int(less.sum()), len(less)).pvalue)
     most = 2 * less.sum() > len(less)
@@ -222,7 +197,7 @@ def fnn_stable(source: str, table: pd.DataFrame) -> Evidence | None:
         f"FNNs' relative standard error is lower on {less.sum()} of {len(less)} rows (sign test "
         f"p = {p:.2g})."
     )
-    return evidence(rows, table, source, graded(most and p < LEVEL, most), sentence)
+    return graded(most and p < LEVEL, most), sentence
 
 
 @criterion("table-5.2-means", entries)

@@ -16,10 +16,10 @@ from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5 import cells
 from thesis_lib.chapter5.cells import GROUPS, NETS, ROBOTS, TESTED, Cells
 from thesis_lib.chapter5.contrasts import SMOKE, Config
-from thesis_lib.chapter5.judging import Evidence, both, of_rows, together
+from thesis_lib.chapter5.judging import Evidence, Said, both, of_rows, together
 from thesis_lib.edition.criteria import LEVEL, graded, judged
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.ledger import Finding, Verdict, criterion
+from thesis_lib.edition.ledger import Criterion, Finding, Verdict, criterion
 from thesis_lib.edition.plots import COLOURS, PRINTED
 from thesis_lib.robustness import PERTURBATIONS, improvement, ratio_of_drops, retained
 
@@ -92,7 +92,7 @@ class Ratio:
     """Whether all learned for as many steps as the thesis's."""
 
 
-@experiment("table-5.6", item="Table 5.6", smoke=SMOKE, book=Config(), seconds=0.4)
+@experiment("table-5.6", item="Table 5.6", smoke=SMOKE, book=Config(), seconds=1.2)
 def ratios(config: Config, context: Context) -> list[Ratio]:
     """Improvement ratios by training on hills: printed bounds, rebuilt ones, and ours."""
     seeds = context.seeds(2)
@@ -145,15 +145,19 @@ def _ratios(made: Cells, formula: str, factor: float) -> Iterator[Ratio]:
             )
 
 
-def _rows(table: pd.DataFrame, source: str, perturbation: str, group: str) -> pd.DataFrame:
-    """Rows of a group's nets, none unless all are there; bounds are printed ones, or ours."""
-    at = (table.source == source) & (table.perturbation == perturbation)
-    at &= (table.formula == RETAINED) & (table.error_factor == 1.0)
-    rows = table[at].set_index("architecture").reindex(list(GROUPS[group]))
-    if rows.value.isna().any():
-        return rows.iloc[:0]
-    if source == "printed":
-        return rows.assign(low=rows.printed_low, high=rows.printed_high)
+def _nets(perturbation: str, group: str) -> Callable[[str, pd.DataFrame], pd.DataFrame]:
+    """What finds the rows of a group's nets, none unless all are there, with their bounds."""
+
+    def rows(source: str, table: pd.DataFrame) -> pd.DataFrame:
+        at = (table.source == source) & (table.perturbation == perturbation)
+        at &= (table.formula == RETAINED) & (table.error_factor == 1.0)
+        rows = table[at].set_index("architecture").reindex(list(GROUPS[group]))
+        if rows.value.isna().any():
+            return rows.iloc[:0]
+        if source == "printed":
+            return rows.assign(low=rows.printed_low, high=rows.printed_high)
+        return rows
+
     return rows
 
 
@@ -167,115 +171,81 @@ def _bounds(rows: pd.DataFrame) -> str:
     return f"{told}; with tasks as the unit p < {LEVEL:g} for {' and '.join(few) or 'no net'}"
 
 
-def improves(table: pd.DataFrame, source: str, perturbation: str) -> Evidence | None:
-    """Whether hill training helps each RNN: intervals above 1."""
-    rows = _rows(table, source, perturbation, "RNNs")
-    if rows.empty:
-        return None
-    verdict = graded((rows.low > 1).all(), (rows.value > 1).all(), denied=(rows.high < 1).any())
-    return of_rows(rows, verdict, f"{_bounds(rows)}.")
+def improves(rows: pd.DataFrame) -> Verdict:
+    """Whether hill training helps each net: intervals above 1."""
+    return graded((rows.low > 1).all(), (rows.value > 1).all(), denied=(rows.high < 1).any())
 
 
-def leaves(table: pd.DataFrame, source: str, perturbation: str) -> Evidence | None:
-    """Whether hill training has no effect on FNNs: intervals near 1; a loss is direction only."""
-    rows = _rows(table, source, perturbation, "FNNs")
-    if rows.empty:
-        return None
-    verdict = graded(
+def leaves(rows: pd.DataFrame) -> Verdict:
+    """Whether hill training has no effect: intervals near 1; a loss is direction only."""
+    return graded(
         ((rows.low > 1 - NONE) & (rows.high < 1 + NONE)).all(),
         (rows.high < 1).any(),
         denied=(rows.low > 1).any(),
         otherwise=Verdict.INCONCLUSIVE,
     )
-    return of_rows(rows, verdict, f"{_bounds(rows)}.")
 
 
-def not_helped(table: pd.DataFrame, source: str, perturbation: str) -> Evidence | None:
-    """Whether hill training helps no FNN: every interval below what counts as none."""
-    rows = _rows(table, source, perturbation, "FNNs")
-    if rows.empty:
-        return None
-    verdict = graded(
+def not_helped(rows: pd.DataFrame) -> Verdict:
+    """Whether hill training helps no net: every interval below what counts as none."""
+    return graded(
         (rows.high < 1 + NONE).all(),
         denied=(rows.low > 1).any(),
         otherwise=Verdict.INCONCLUSIVE,
     )
-    return of_rows(rows, verdict, f"{_bounds(rows)}.")
 
 
-@both("5.5.2-hill-helps-rnns", ratios)
-def helps_rnns(source: str, table: pd.DataFrame) -> Evidence | None:
-    """Under noise, RNNs."""
-    return improves(table, source, "noise")
+def _hills(claim: str, *parts: tuple[str, str, Callable[[pd.DataFrame], Verdict]]) -> Criterion:
+    """The criterion of what hill training does: under a perturbation, to nets, judged so."""
+
+    def judge(source: str, table: pd.DataFrame) -> Evidence | None:
+        found = [(verdict, _nets(what, group)(source, table)) for what, group, verdict in parts]
+        return together(
+            [
+                None if rows.empty else of_rows(rows, verdict(rows), f"{_bounds(rows)}.")
+                for verdict, rows in found
+            ]
+        )
+
+    return both(claim, ratios)(judge)
 
 
-@both("5.5.2-hill-not-fnns", ratios)
-def not_fnns(source: str, table: pd.DataFrame) -> Evidence | None:
-    """Under noise, FNNs."""
-    return leaves(table, source, "noise")
+helps_rnns = _hills("5.5.2-hill-helps-rnns", ("noise", "RNNs", improves))
+not_fnns = _hills("5.5.2-hill-not-fnns", ("noise", "FNNs", leaves))
+on_switch = _hills("5.5.2-hill-on-switch", ("switch", "RNNs", improves), ("switch", "FNNs", leaves))
+rnn_not_fnn_under_noise = _hills(
+    "1.4-hill-rnn-not-fnn", ("noise", "RNNs", improves), ("noise", "FNNs", not_helped)
+)
+rnn_not_fnn = _hills(
+    "6-hill-rnn-not-fnn",
+    *(("noise", "RNNs", improves), ("noise", "FNNs", not_helped)),
+    *(("switch", "RNNs", improves), ("switch", "FNNs", not_helped)),
+)
+helps_gated = _hills(
+    "5.5.2-hill-helps-gated", ("noise", "gated RNNs", lambda rows: graded((rows.low > 1).all()))
+)
 
 
-@both("5.5.2-hill-on-switch", ratios)
-def on_switch(source: str, table: pd.DataFrame) -> Evidence | None:
-    """Under the switch, both."""
-    return together([improves(table, source, "switch"), leaves(table, source, "switch")])
-
-
-@both("1.4-hill-rnn-not-fnn", ratios)
-def rnn_not_fnn_under_noise(source: str, table: pd.DataFrame) -> Evidence | None:
-    """Under noise, both."""
-    return together([improves(table, source, "noise"), not_helped(table, source, "noise")])
-
-
-@both("6-hill-rnn-not-fnn", ratios)
-def rnn_not_fnn(source: str, table: pd.DataFrame) -> Evidence | None:
-    """Under either perturbation, both."""
-    return together(
-        [part(table, source, what) for what in PERTURBATIONS for part in (improves, not_helped)]
-    )
-
-
-@both("5.5.2-esn-improves-least", ratios)
-def esn_improves_least(source: str, table: pd.DataFrame) -> Evidence | None:
+@both("5.5.2-esn-improves-least", ratios, rows=_nets("noise", "RNNs"))
+def esn_improves_least(rows: pd.DataFrame) -> Said:
     """The ESN's ratio under noise against the other RNNs'."""
-    rows = _rows(table, source, "noise", "RNNs")
-    if rows.empty:
-        return None
     esn, others = rows.loc["ESN"], rows.drop(index="ESN")
     least = esn.value <= others.value.min()
-    verdict = graded(least and esn.high < others.low.min(), least)
-    return of_rows(
-        rows,
-        verdict,
+    following = others.loc[others.value.idxmin()]
+    return (
+        graded(least and esn.high < others.low.min(), least),
         "under noise training on hills multiplies the share that the ESN keeps by "
-        f"{esn.low:.2f} to {esn.high:.2f}, that of the next, the {others.value.idxmin()}, by "
-        f"{others.loc[others.value.idxmin()].low:.2f} to "
-        f"{others.loc[others.value.idxmin()].high:.2f}.",
+        f"{esn.low:.2f} to {esn.high:.2f}, that of the next, the {following.name}, by "
+        f"{following.low:.2f} to {following.high:.2f}.",
     )
 
 
-@both("5.5.2-hill-helps-gated", ratios)
-def helps_gated(source: str, table: pd.DataFrame) -> Evidence | None:
-    """The gated nets' ratios under noise."""
-    rows = _rows(table, source, "noise", "gated RNNs")
-    if rows.empty:
-        return None
-    verdict = Verdict.REPRODUCED if (rows.low > 1).all() else Verdict.NOT_REPRODUCED
-    return of_rows(rows, verdict, f"{_bounds(rows)}.")
-
-
-@both("ch5-hill-every-robot", ratios)
-def helps_on_every_robot(source: str, table: pd.DataFrame) -> Evidence | None:
+@both("ch5-hill-every-robot", ratios, rows=_nets("switch", "RNNs"))
+def helps_on_every_robot(rows: pd.DataFrame) -> Said:
     """The least ratio of each RNN under the switch, and the robot it is on."""
-    rows = _rows(table, source, "switch", "RNNs")
-    if rows.empty:
-        return None
     worse = rows.least < 1
-    verdict = Verdict.REFUTED if worse.all() else Verdict.NOT_REPRODUCED
     listed = ", ".join(f"{r.Index} {r.least_robot} {r.least:.2f}" for r in rows.itertuples())
-    return of_rows(
-        rows, Verdict.REPRODUCED if not worse.any() else verdict, f"the least ratio: {listed}."
-    )
+    return graded(not worse.any(), denied=worse.all()), f"the least ratio: {listed}."
 
 
 @criterion("table-5.6-drops", ratios)

@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib import published
-from thesis_lib.edition.criteria import exact
+from thesis_lib.edition.criteria import exact, judged
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.ledger import Finding, Verdict, criterion, effect_of
+from thesis_lib.edition.ledger import Finding, criterion, effect_of
 from thesis_lib.locomotion.robots import ROBOTS, build_model, total_mass
 from thesis_lib.locomotion.tasks import HORIZON, TEST_HORIZON, Limits, make_task
 from thesis_lib.published import TASKS
@@ -147,7 +147,7 @@ def observation_sizes(table: pd.DataFrame) -> Finding:
             f" The text says {row.observation_printed} for the {row.Index}; with the previous "
             f"action, which recurrent networks are fed, it has {row.observation_text}."
         )
-    return Finding(Verdict.REPRODUCED if agree.all() else Verdict.NOT_REPRODUCED, evidence)
+    return judged(agree.all(), evidence)
 
 
 @criterion("5.1-links-joints", by_robot)

@@ -19,7 +19,7 @@ from scipy.stats import binomtest, spearmanr
 from thesis_lib.chapter5 import cells
 from thesis_lib.chapter5.cells import NETS, ROBOTS
 from thesis_lib.chapter5.contrasts import Config
-from thesis_lib.chapter5.runs import CELL, DEFAULT, ENOUGH, Runs
+from thesis_lib.chapter5.runs import CELL, ENOUGH, Runs, plain
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.plots import COLOURS
 from thesis_lib.robustness import CONDITIONS, PERTURBATIONS, TRAINED_ON
@@ -82,10 +82,9 @@ def kept_by_length(config: Config, context: Context) -> list[Kept]:
 
 def _shares(store: Runs) -> pd.DataFrame:
     """One row a policy, on robots and grounds where every net has been tested at two lengths."""
-    tests = store.tests[store.tests.policy == "last"]
-    plain = (tests.correlation == 0) & (tests.intervention == "none") & (tests.variant == DEFAULT)
-    lengths = store.depths()
-    tests = tests[plain].merge(lengths[[*CELL, "layer", "steps"]], on=[*CELL, "layer"])
+    tests = plain(store.tests)
+    lengths = store.depths()[[*CELL, "layer", "steps"]]
+    tests = tests[tests.policy == "last"].merge(lengths, on=[*CELL, "layer"])
     tests = tests.assign(architecture=tests.architecture.str.upper())
     wide = tests[tests.architecture.isin(NETS)].pivot_table(
         index=["task", "terrain", "architecture", "steps", "seed"],
@@ -169,18 +168,25 @@ def draw(table: pd.DataFrame) -> Figure:
     return fig
 
 
+def _ends(own: pd.DataFrame) -> tuple[pd.DataFrame, int, str]:
+    """Shares by net after the shortest and the longest training, losers, and when, in words."""
+    wide = own.pivot(index="architecture", columns="steps", values="kept")
+    ends = wide.iloc[:, [0, -1]]
+    short, long = ends.columns / 1e6
+    less = int((ends.iloc[:, 1] < ends.iloc[:, 0]).sum())
+    return ends, less, f"after {long:.0f} million steps than after {short:.0f} million"
+
+
 def losers(table: pd.DataFrame) -> str:
     """How many nets keep less after the longest training than after the shortest, by row."""
     told = []
     for (robot, ground), own in table.groupby(["task", "trained_on"], sort=False):
-        wide = own.pivot(index=["perturbation", "architecture"], columns="steps", values="kept")
-        short, long = wide.columns.min(), wide.columns.max()
-        less = (wide[long] < wide[short]).groupby("perturbation").agg(["sum", "size"])
+        (nets, noise, when), (_, switch, _) = (
+            _ends(own[own.perturbation == what]) for what in PERTURBATIONS
+        )
         told.append(
-            f"of the nets that learned on {_GROUND[ground]} ({robot}) "
-            f"{less['sum']['noise']} of {less['size']['noise']} keep less under noise after "
-            f"{long / 1e6:.0f} million steps than after {short / 1e6:.0f} million, and "
-            f"{less['sum']['switch']} of {less['size']['switch']} over the switch"
+            f"of the nets that learned on {_GROUND[ground]} ({robot}) {noise} of {len(nets)} keep "
+            f"less under noise {when}, and {switch} of {len(nets)} over the switch"
         )
     return "; ".join(told) if told else "no row has been trained for two lengths yet"
 
@@ -193,18 +199,16 @@ def reading(table: pd.DataFrame) -> str:
     for (robot, ground, perturbation), own in table.groupby(
         ["task", "trained_on", "perturbation"], sort=False
     ):
-        wide = own.pivot(index="architecture", columns="steps", values="kept")
-        short, long = wide.columns.min(), wide.columns.max()
-        less = int((wide[long] < wide[short]).sum())
-        p = binomtest(less, len(wide)).pvalue
-        printed = own.groupby("architecture").printed.first()[wide.index]
-        ranks = [spearmanr(wide[steps], printed) for steps in (short, long)]
-        when = "under noise" if perturbation == "noise" else "over the switch"
+        nets, less, when = _ends(own)
+        p = binomtest(less, len(nets)).pvalue
+        printed = own.groupby("architecture").printed.first()[nets.index]
+        ranks = [spearmanr(nets[steps], printed) for steps in nets]
+        where = "under noise" if perturbation == "noise" else "over the switch"
         told.append(
-            f"On the {robot} trained on {_GROUND[ground]} {less} of {len(wide)} nets keep less "
-            f"{when} after {long / 1e6:.0f} million steps than after {short / 1e6:.0f} (sign "
-            f"test p = {p:.2g}); the rank correlation of what they keep with the printed shares "
-            f"is {ranks[1].statistic:.2f} (p = {ranks[1].pvalue:.2g}) after the longer training "
-            f"and {ranks[0].statistic:.2f} (p = {ranks[0].pvalue:.2g}) after the shorter."
+            f"On the {robot} trained on {_GROUND[ground]} {less} of {len(nets)} nets keep less "
+            f"{where} {when} (sign test p = {p:.2g}); the rank correlation of what they keep with "
+            f"the printed shares is {ranks[1].statistic:.2f} (p = {ranks[1].pvalue:.2g}) after the "
+            f"longer training and {ranks[0].statistic:.2f} (p = {ranks[0].pvalue:.2g}) after the "
+            "shorter."
         )
     return " ".join(told)

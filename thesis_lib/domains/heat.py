@@ -45,16 +45,17 @@ class HeatWorld:
     Parameters
     ----------
     size
-        Side of the walled area; 10 in the thesis.
+        Side of the walled area, in units of length; 10 in the thesis.
     radius
-        Radius of the robot; 1 in the thesis.  Its centre keeps this distance from walls,
-        along which it slides.
+        Radius of the robot in the same unit; 1 in the thesis.  Its centre keeps this distance
+        from walls, along which it slides.
     stride
-        How far forward and backward go.
+        How far forward and backward go, in units of length.
     turn
         How far a turn goes, in radians.
     slip
-        Standard deviation of the noise added to how far an action goes.
+        Standard deviation of the noise added to how far an action goes, in units of length or
+        radians.
     sensor
         Standard deviation of the noise added to each sensor.
     intensity
@@ -64,7 +65,7 @@ class HeatWorld:
         ``"raw"``: the same noise for all sensors, as the text says.  ``"range"``: times the
         range of each variable.
     step_reward
-        Reward of a step; -10 divided by the diagonal of the thesis's area.
+        Reward of each step; -10 divided by the diagonal of the thesis's area.
 
     Notes
     -----

@@ -16,7 +16,7 @@ from scipy import stats as distributions
 
 from thesis_lib.edition.ledger import Finding, Verdict
 from thesis_lib.edition.words import number, plus_minus, probability, several, span
-from thesis_lib.stats import Summary, chi_square, equivalence, holm, welch
+from thesis_lib.stats import Summary, chi_square, equivalence, holm, least_power, welch
 
 LEVEL = 0.05
 """Significance below which a difference counts."""
@@ -250,12 +250,10 @@ def no_greater(
 
     Parameters
     ----------
-    pairs
-        At least one.
+    pairs, unit
+        As of :func:`ordered`.
     margin
         As a share of the second mean.
-    unit
-        See :func:`ordered`.
     tolerant
         Whether only being greater by more than the margin refutes (Welch, Bonferroni).
     choices
@@ -281,7 +279,9 @@ def no_greater(
         f"{_of(bounded, len(pairs))} shown to be {bound} (one-sided "
         f"Welch) and {_also(greater, len(pairs))} significantly greater "
         f"{'by more than that ' if tolerant else ''}(Welch, corrected for their number; "
-        f"{_runs(pairs)}{_in(unit)}); {lead}{'; '.join(map(str, shown))}.",
+        f"{_runs(pairs)}{_in(unit)}; without any difference each would be shown in at least "
+        f"{least_power(bounds, [t.high - t.difference for t in tests], 1 - 2 * LEVEL, sides=1):.0%}"
+        f" of samples); {lead}{'; '.join(map(str, shown))}.",
         {"bounded": bounded, "greater": int(greater)},
     )
 

@@ -21,7 +21,7 @@ from thesis_lib.domains.stock import StockMDP
 from thesis_lib.domains.triangle import STATES, TriangleLayout
 from thesis_lib.edition.plots import COLOURS
 
-BLUE, VERMILION, GREEN, PURPLE, ORANGE = COLOURS[:5]
+BLUE, VERMILION, GREEN = COLOURS[:3]
 INK = "#222222"
 PALE = "#eef3f7"
 EARTH = "#8a6d5a"

@@ -6,6 +6,7 @@ from itertools import pairwise, product
 from typing import Any
 
 import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from cycler import cycler
@@ -69,6 +70,39 @@ def use_style() -> None:
             "svg.hashsalt": "thesis_lib",
         }
     )
+
+
+def panels(
+    n: int,
+    columns: int,
+    height: float,
+    margin: float = 0.0,
+    *,
+    sharex: bool = False,
+    sharey: bool = False,
+) -> tuple[Figure, list[Axes]]:
+    """A figure as wide as the text with small panels side by side, row by row.
+
+    Parameters
+    ----------
+    n
+        Panels, at least 1; places that they leave over in the last row are blank.
+    columns
+        Panels in a row, at most.
+    height, margin
+        Inches of a row, and of what stands above and below all rows.
+    sharex, sharey
+        As of :func:`matplotlib.pyplot.subplots`.
+    """
+    columns = min(columns, n)
+    rows = -(-n // columns)
+    size = (7.2, margin + height * rows)
+    fig, grid = plt.subplots(
+        rows, columns, figsize=size, squeeze=False, sharex=sharex, sharey=sharey
+    )
+    for ax in grid.flat[n:]:
+        ax.axis("off")
+    return fig, list(grid.flat[:n])
 
 
 def band(ax: Axes, table: pd.DataFrame, x: str, unit: float = 1.0, **look: Any) -> None:

@@ -74,6 +74,15 @@ def span(low: float, high: float) -> str:
     return f"{number(low, half)} to {number(high, half)}"
 
 
+def with_interval(value: float, low: float, high: float, form: str = "+.3f") -> str:
+    """A number and, in brackets, its interval, which is left out where it is not known.
+
+    >>> with_interval(0.5, -0.25, 1.25, "+.2f"), with_interval(0.5, np.nan, np.nan, ".1f")
+    ('+0.50 [-0.25, +1.25]', '0.5')
+    """
+    return f"{value:{form}}" + ("" if np.isnan(low) else f" [{low:{form}}, {high:{form}}]")
+
+
 def probability(p: float) -> str:
     """A p-value: ``p = 0.03``, or ``p < 0.001``."""
     if p < 0.001:

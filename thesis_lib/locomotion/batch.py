@@ -92,8 +92,9 @@ class Effect:
     """A perturbation at work in one batch; every hook does nothing unless overridden.
 
     ``worlds`` are the ids of the k worlds concerned, sorted, and rows of the other
-    arguments belong to them.  ``t`` counts the control steps taken in each world's
-    episode: 0 for the observation after a reset, k for the one that step k returns.
+    arguments belong to them, but for the forces, which have a row for every world.
+    ``t`` counts the control steps taken in each world's episode: 0 for the observation
+    after a reset, k for the one that step k returns.
     """
 
     def on_reset(self, worlds: IntArray) -> None:
@@ -104,10 +105,22 @@ class Effect:
         return actions
 
     def on_force(self, t: IntArray, xfrc_applied: FloatArray, worlds: IntArray) -> None:
-        """Add forces and torques on bodies, shape ``(n, bodies, 6)``, zero before this."""
+        """Add forces and torques on bodies, zero before this.
+
+        Parameters
+        ----------
+        t, worlds
+            Of the k worlds concerned.
+        xfrc_applied
+            Force in N, then torque in N m, in the world's frame, of every body in all n worlds,
+            shape ``(n, bodies, 6)``: change ``xfrc_applied[worlds]``.  Body 0 is the world.
+        """
 
     def on_observation(self, t: IntArray, observations: FloatArray, worlds: IntArray) -> FloatArray:
-        """Change what the policy sees, shape ``(k, D)``; rewards use the true state."""
+        """Change what the policy sees, shape ``(k, D)``, each entry in its sensor's unit.
+
+        Rewards use the true state.
+        """
         return observations
 
 
@@ -608,8 +621,8 @@ class BatchTask:
         Parameters
         ----------
         qpos, qvel
-            Positions and velocities in the model's order, shape ``(k, nq)`` and
-            ``(k, nv)``, or one state for all.
+            Positions (m, rad) and velocities (m/s, rad/s) in the model's order, shape
+            ``(k, nq)`` and ``(k, nv)``, or one state for all.
         worlds
             Ids or mask of the k worlds; None for all.
 

@@ -50,7 +50,7 @@ class LocomotionEnv(gymnasium.Env[Any, Any]):
     Parameters
     ----------
     robot
-        Swimmer, Hopper, HalfCheetah, Walker2d or Ant.
+        Swimmer, Hopper, HalfCheetah, Walker2d, Ant, or one that a package offers.
     render_mode
         ``"rgb_array"``, or None.
     width, height
@@ -159,7 +159,8 @@ class LocomotionEnv(gymnasium.Env[Any, Any]):
         Parameters
         ----------
         qpos, qvel
-            Positions and velocities in the model's order, shape ``(nq,)`` and ``(nv,)``.
+            Positions (m, rad) and velocities (m/s, rad/s) in the model's order, shape ``(nq,)``
+            and ``(nv,)``.
 
         Raises
         ------
@@ -191,7 +192,7 @@ class LocomotionVectorEnv(VectorEnv[Any, Any, Any]):
     num_envs
         Number of worlds.
     robot
-        Swimmer, Hopper, HalfCheetah, Walker2d or Ant.
+        Swimmer, Hopper, HalfCheetah, Walker2d, Ant, or one that a package offers.
     threads
         C++ threads; 0 takes all processors.  Results do not depend on it.
     n_maps

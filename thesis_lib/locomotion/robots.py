@@ -44,19 +44,6 @@ _INTEGRATORS = {
 class Ground(Protocol):
     """What a terrain must offer to become the floor of a model.
 
-    Attributes
-    ----------
-    heights
-        Metres above ``z_offset`` at the nodes of a regular grid, shape ``(rows, cols)``.
-        Row 0 lies on the edge of least y, column 0 on the edge of least x; the last row
-        and column lie on the opposite edges.
-    half_size
-        Half the length and half the width of the map (x, y), in metres.
-    centre
-        World x and y of the middle of the map, in metres.
-    z_offset
-        World z of height 0, in metres.
-
     Notes
     -----
     An optional attribute ``floor`` holds the world z of the robot's flat floor, which then
@@ -65,16 +52,23 @@ class Ground(Protocol):
     """
 
     @property
-    def heights(self) -> FloatArray: ...  # noqa: D102
+    def heights(self) -> FloatArray:
+        """Metres above ``z_offset`` at the nodes of a regular grid, shape ``(rows, cols)``.
+
+        Row 0 lies on the edge of least y, column 0 on that of least x; the last ones opposite.
+        """
 
     @property
-    def half_size(self) -> tuple[float, float]: ...  # noqa: D102
+    def half_size(self) -> tuple[float, float]:
+        """Half the length and half the width of the map (x, y), in metres."""
 
     @property
-    def centre(self) -> tuple[float, float]: ...  # noqa: D102
+    def centre(self) -> tuple[float, float]:
+        """World x and y of the middle of the map, in metres."""
 
     @property
-    def z_offset(self) -> float: ...  # noqa: D102
+    def z_offset(self) -> float:
+        """World z of height 0, in metres."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +84,8 @@ class Limits:
     closed
         Whether a height exactly on a bound is still inside.
     state
-        Bound on the absolute value of joint angles and of all velocities.
+        One bound on the absolute value of joint angles in radians, and of all velocities in
+        m/s and rad/s.
     """
 
     low: float = -np.inf

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
 from types import MappingProxyType
 from typing import Literal
 
@@ -175,7 +176,8 @@ def hills(
     preset
         A key of :data:`PRESETS`.
     robot
-        Whose floor, extent and scale to use: Swimmer, Hopper, HalfCheetah, Walker2d or Ant.
+        Whose floor, extent and scale to use: Swimmer, Hopper, HalfCheetah, Walker2d or Ant;
+        robots of packages have none of their own.
     resolution
         Distance between nodes, metres; default a tenth of a unit, as in the author's code
         (0.2 m, or 0.25 m for the HalfCheetah and the Ant).
@@ -218,8 +220,13 @@ def hills(
     at difficulty 1.
     """
     law = PRESETS[one_of("preset", preset, PRESETS)]
-    site = _SITES[one_of("robot", robot, _SITES)]
-    if not (np.isfinite(difficulty) and difficulty >= 0):
+    if robot not in _SITES:
+        raise ValueError(
+            f"there are no hills for robot {robot!r}, only for {', '.join(_SITES)}: leave the "
+            "ground flat, or lend it a map of theirs."
+        )
+    site = _SITES[robot]
+    if not (isinstance(difficulty, Real) and 0 <= difficulty < np.inf):
         raise ValueError(
             f"difficulty is {difficulty}, but it must be a finite number of metres, 0 or more."
         )

@@ -95,12 +95,7 @@ def learn_aggregated(
     q = np.zeros((int(z.max()) + 1, mdp.n_actions))
     rewards = np.zeros(-(-n_steps // stretch))
     _learn_cells(
-        source.successor,
-        source.cumulative,
-        source.reward,
-        source.terminal,
-        source.start,
-        source.start_cumulative,
+        *source,
         float(mdp.discount),
         z,
         phi,

@@ -85,7 +85,7 @@ class TaskBatch:
         self._shape = max(int(rows.max()) for rows in index) + 1, tasks[0].n_actions
         self._tasks = [
             (
-                *(s.successor, s.cumulative, s.reward, s.terminal, s.start, s.start_cumulative),
+                *s,
                 float(task.discount),
                 np.require(rows, np.int64, ["C", "W"]),
                 _reward_scale(task, s.reward),

@@ -177,9 +177,12 @@ def from_gymnasium(
     inner = env.unwrapped
     listed, start = getattr(inner, "P", None), getattr(inner, "initial_state_distrib", None)
     if listed is None or start is None:
+        instead = "build a TabularMDP from what you know of it"
+        if hasattr(inner, "mdp"):
+            instead = "take the one that it holds, env.unwrapped.mdp"
         raise ValueError(
-            f"{inner} lists no transitions (P and initial_state_distrib), so its MDP is not "
-            "known; build a TabularMDP from what you know of it."
+            f"{inner} lists no transitions (P and initial_state_distrib) to make an MDP of; "
+            f"{instead}."
         )
     shape = (len(listed), len(listed[0]), len(listed))
     transition, earned = np.zeros(shape), np.zeros(shape)

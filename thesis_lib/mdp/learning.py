@@ -93,18 +93,6 @@ class Learned:
     checkpoint_q: FloatArray | None = None
 
 
-class _Task(NamedTuple):
-    """What the loop draws from; see :class:`~thesis_lib.mdp.sampling.Sampler`."""
-
-    successor: NDArray[np.int32]
-    cumulative: FloatArray
-    reward: FloatArray
-    terminal: BoolArray
-    start: NDArray[np.int32]
-    start_cumulative: FloatArray
-    discount: float
-
-
 class _Tables(NamedTuple):
     """What is learned: ``advised`` is q + phi, ``pair`` Double Q-learning's estimators."""
 
@@ -350,15 +338,6 @@ def learn(
         cap=cap,
         every=every,
     )
-    task = _Task(
-        source.successor,
-        source.cumulative,
-        source.reward,
-        source.terminal,
-        source.start,
-        source.start_cumulative,
-        float(mdp.discount),
-    )
     at = _Place(np.array([0, -1, 0, 0, 0]), np.zeros(2))
     rng = generator(rng)
     tracing = any(what != "q" for what in record)
@@ -377,7 +356,8 @@ def learn(
         n_ends, n_marks, n_taken = _run(
             METHODS.index(method),
             -1 if companion is None else METHODS.index(companion),
-            *task,
+            *source,
+            float(mdp.discount),
             *tables,
             *rates,
             *budget,
@@ -540,11 +520,11 @@ def _run(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Run a stretch of the loop of algorithms 3 and 4, and return how much it recorded.
 
-    The arguments are the fields of :class:`_Task`, :class:`_Tables`, :class:`_Rates`,
-    :class:`_Budget`, :class:`_Place` and :class:`_Records`: passed as tuples they would
-    cost more than a short run.  The arrays are changed in place.  The stretch ends at step
-    ``until``, with the budget, or with a record full; arrays are not grown here, as
-    reassigning one would cost more than all the learning.
+    The arguments are the fields of a :class:`~thesis_lib.mdp.sampling.Sampler`, of
+    :class:`_Tables`, :class:`_Rates`, :class:`_Budget`, :class:`_Place` and :class:`_Records`:
+    passed as tuples they would cost more than a short run.  The arrays are changed in place.
+    The stretch ends at step ``until``, with the budget, or with a record full; arrays are not
+    grown here, as reassigning one would cost more than all the learning.
     """
     deterministic = cumulative.shape[2] == 1
     by_step = n_steps >= 0

@@ -100,45 +100,6 @@ def _invariant(chain: FloatArray) -> FloatArray:
     return p / p.sum()
 
 
-def occupancy(mdp: MDP, policy: ArrayLike) -> FloatArray:
-    r"""Expected discounted visits :math:`\sum_t \gamma^t p(s_t = s \mid \pi)` from the start.
-
-    Parameters
-    ----------
-    mdp
-        The task.
-    policy
-        Actions, shape ``(S,)``, or action probabilities, shape ``(S, A)``.
-
-    Returns
-    -------
-    FloatArray
-        Shape ``(S,)``; 0 in terminal states.  Not normalised: its scalar product with the
-        expected rewards :math:`\sum_a \pi(s, a) R^{sa}` is the policy's value from the
-        start.  In a continuing task it sums to :math:`1 / (1 - \gamma)`.
-
-    Raises
-    ------
-    ValueError
-        When the discount is 1 and the policy may go on for ever from the start.
-    """
-    going_on = ~mdp.terminal
-    P = transition_matrix(mdp, policy)
-    start = _start(mdp)
-    visited = _reachable(P, start > 0) & going_on
-    if mdp.discount == 1.0:
-        stuck = visited & ~_reachable(P.T, mdp.terminal)
-        if stuck.any():
-            raise ValueError(
-                f"the policy reaches state {int(np.argmax(stuck))} from the start and never a "
-                "terminal state from there, so with discount 1 its visits are infinite; take a "
-                "discount below 1, or stationary_distribution."
-            )
-    out = np.zeros(mdp.n_states)
-    out[visited] = _visits(mdp.discount * P, start, visited)
-    return out
-
-
 def average_reward(mdp: MDP, policy: ArrayLike) -> float:
     """Long-run reward a step of a policy; an episodic task is restarted when it ends.
 
@@ -157,13 +118,3 @@ def _start(mdp: MDP) -> FloatArray:
             "episode must start in a non-terminal state."
         )
     return mdp.start
-
-
-def _reachable(P: FloatArray, begin: BoolArray) -> BoolArray:
-    """States that can be reached from those in ``begin``, which are among them."""
-    reached = begin.copy()
-    frontier = begin
-    while frontier.any():
-        frontier = (P[frontier] > 0).any(axis=0) & ~reached
-        reached = reached | frontier
-    return reached

@@ -17,45 +17,23 @@ from thesis_lib.arrays import FloatArray, IntArray
 from thesis_lib.checks import one_of, positive_integer, positive_number, probability
 from thesis_lib.compiled import njit
 from thesis_lib.mdp.checks import policy_matrix, require_mdp, state_values, table
-from thesis_lib.mdp.evaluation import (
-    Values,
-    evaluate,
-    proper_policy,
-    require_proper,
-    start_value,
-)
-from thesis_lib.mdp.greedy import (
-    EXPLORATIONS,
-    Exploration,
-    epsilon_greedy,
-    greedy_actions,
-)
+from thesis_lib.mdp.evaluation import evaluate, proper_policy, require_proper, start_value
+from thesis_lib.mdp.greedy import EXPLORATIONS, Exploration, greedy_actions
 from thesis_lib.mdp.model import MDP
-from thesis_lib.mdp.occupancy import (
-    average_reward,
-    occupancy,
-    stationary_distribution,
-    transition_matrix,
-)
+from thesis_lib.mdp.occupancy import average_reward, stationary_distribution
 from thesis_lib.mdp.sampling import loop_array
 
 __all__ = [
     "PolicyIteration",
     "Solution",
     "ValueIteration",
-    "Values",
     "average_reward",
-    "epsilon_greedy",
     "evaluate",
-    "greedy_actions",
-    "occupancy",
     "policy_iteration",
-    "proper_policy",
     "soft_policy_iteration",
     "solve",
     "start_value",
     "stationary_distribution",
-    "transition_matrix",
     "value_iteration",
 ]
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +15,8 @@ CACHED_OUTCOMES = 2**18
 """Samplers of more outcomes than this are rebuilt when asked for, not kept in memory."""
 
 
-@dataclass(frozen=True)
-class Sampler:
-    """The distributions of a task in the form in which the compiled loops draw from them.
+class Sampler(NamedTuple):
+    """The distributions of a task, in the form and order in which the compiled loops take them.
 
     A draw takes one uniform number u in [0, 1) and returns the first outcome whose
     cumulative probability is above u.  Where there is one outcome only, none is taken.
@@ -32,20 +30,20 @@ class Sampler:
         last possible outcome on.
     reward
         Reward of each outcome, shape ``(S, A, K)``.
+    terminal
+        Absorbing states, shape ``(S,)``.
     start
         Possible start states, shape ``(N,)``.
     start_cumulative
         Their cumulative probability, shape ``(N,)``.
-    terminal
-        Absorbing states, shape ``(S,)``.
     """
 
     successor: NDArray[np.int32]
     cumulative: FloatArray
     reward: FloatArray
+    terminal: BoolArray
     start: NDArray[np.int32]
     start_cumulative: FloatArray
-    terminal: BoolArray
 
 
 def sampler(mdp: MDP) -> Sampler:
@@ -76,9 +74,9 @@ def sampler(mdp: MDP) -> Sampler:
         loop_array(outcomes.successor, np.int32),
         cumulative(outcomes.probability),
         loop_array(outcomes.reward, np.float64),
+        loop_array(mdp.terminal, np.bool_),
         start.astype(np.int32),
         cumulative(mdp.start[start]),
-        loop_array(mdp.terminal, np.bool_),
     )
     if built.successor.size <= CACHED_OUTCOMES:
         mdp.__dict__["_sampler"] = built

@@ -49,7 +49,9 @@ class PotentialShaping(gymnasium.Wrapper[Any, Any, Any, Any]):
     ------
     ValueError
         When the discount is not in [0, 1], a table does not fit, or the potential's value is
-        not finite.
+        not one finite number.
+    gymnasium.error.ResetNeeded
+        When a step is taken before the first reset.
 
     Notes
     -----
@@ -79,10 +81,11 @@ class PotentialShaping(gymnasium.Wrapper[Any, Any, Any, Any]):
         spaces = (self.observation_space, self.action_space)[: 2 if self.next_action else 1]
         sizes = [int(s.n) for s in spaces if isinstance(s, Discrete) and s.start == 0]
         if len(sizes) < len(spaces) or list(table.shape) != sizes:
+            pairs = table.ndim == 2 and not self.next_action
             raise ValueError(
                 f"the potential is a table of shape {table.shape}, but it is looked up in "
                 f"{' and '.join(map(str, spaces))}; give one number for each value, or a function "
-                "where they are not counted from 0."
+                f"where they are not counted from 0{', or next_action for pairs' * pairs}."
             )
         return lambda *pair: float(table[pair])
 
@@ -95,6 +98,8 @@ class PotentialShaping(gymnasium.Wrapper[Any, Any, Any, Any]):
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Take an action; the reward is the environment's plus F."""
+        if self._observation is None:
+            raise gymnasium.error.ResetNeeded("call reset before the first step.")
         before = self._value(self._observation, action)
         observation, reward, terminated, truncated, info = self.env.step(action)
         after = 0.0
@@ -115,7 +120,10 @@ class PotentialShaping(gymnasium.Wrapper[Any, Any, Any, Any]):
 
     def _value(self, observation: Any, action: Any) -> float:
         pair = (observation, action) if self.next_action else (observation,)
-        value = float(self._potential(*pair))
-        if not np.isfinite(value):
-            raise ValueError(f"the potential is {value} at {pair}, but it must be finite.")
-        return value
+        value = self._potential(*pair)
+        number = float(value) if np.ndim(value) == 0 else np.nan
+        if not np.isfinite(number):
+            raise ValueError(
+                f"the potential is {value} at {pair}, but it must be one finite number."
+            )
+        return number

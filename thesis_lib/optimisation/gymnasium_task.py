@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from numbers import Real
 from typing import Any
 
 import gymnasium
 import numpy as np
 from gymnasium.spaces import Box, flatten, flatten_space
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv
-from gymnasium.wrappers import TransformObservation
+from gymnasium.wrappers import TimeLimit, TransformObservation
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.checks import positive_integer
 from thesis_lib.optimisation.vector_task import Step
+
+ENDLESS = 100_000
+"""Steps after which an episode without a limit counts as one that never ends."""
 
 
 class GymnasiumTask:
@@ -48,7 +52,8 @@ class GymnasiumTask:
     Raises
     ------
     ValueError
-        When the action is no ``Box``, or options are given beside a function.
+        When the action is no ``Box``, an environment is given that is made already, or options
+        are given beside a function; in a step, when an episode seems never to end.
 
     Notes
     -----
@@ -68,6 +73,10 @@ class GymnasiumTask:
         **options: Any,
     ) -> None:
         positive_integer("num_envs", num_envs)
+        if dt is not None and not (isinstance(dt, Real) and 0 < dt < np.inf):
+            raise ValueError(f"dt is {dt!r}, but it must be a positive number of seconds.")
+        if not isinstance(env, str) and not callable(env):
+            raise ValueError(f"env is {env}; give its id, or a function that makes one.")
         if options and not isinstance(env, str):
             raise ValueError(
                 f"{', '.join(options)} is given beside a function that makes an environment; let "
@@ -82,12 +91,11 @@ class GymnasiumTask:
                 f"the action of {one} is a {space}, but policies here draw continuous ones; give "
                 "an environment with a Box action."
             )
-        spec, said = one.spec, getattr(one.unwrapped, "dt", None)
+        said, self.max_episode_steps = getattr(one.unwrapped, "dt", None), _limit(one)
         rate = one.metadata.get("render_fps")
         one.close()
         assert isinstance(seen, Box)
         self._dt = dt or (float(said) if said else 1.0 / rate if rate else None)
-        self.max_episode_steps = None if spec is None else spec.max_episode_steps
         self.num_envs = num_envs
         self.observation_size, self.action_size = seen.shape[0], int(np.prod(space.shape))
         self._space = space
@@ -113,6 +121,7 @@ class GymnasiumTask:
         self._seen = np.zeros((self.num_envs, self.observation_size))
         self._terminated = np.zeros(self.num_envs, dtype=bool)
         self._truncated = np.zeros(self.num_envs, dtype=bool)
+        self._time = np.zeros(self.num_envs, dtype=np.int64)
 
     def reset(self, worlds: ArrayLike | None = None) -> FloatArray:
         """Start new episodes in k worlds (default all).
@@ -137,6 +146,7 @@ class GymnasiumTask:
             seen, _ = self.envs.reset(options={"reset_mask": mask})
         self._seen[mask] = seen[mask]
         self._terminated[mask] = self._truncated[mask] = False
+        self._time[mask] = 0
         return self._seen[ids]
 
     def step(self, actions: ArrayLike) -> Step:
@@ -148,6 +158,12 @@ class GymnasiumTask:
         # In the engine, a world that has ended begins a new episode; here nobody sees it.
         seen, reward, terminated, truncated, _ = self.envs.step(action.astype(self._space.dtype))
         running = ~(self._terminated | self._truncated)
+        self._time += running
+        if self.max_episode_steps is None and self._time.max() > ENDLESS:
+            raise ValueError(
+                f"an episode has not ended in {ENDLESS:,} steps, and the environment has no limit "
+                "of its own: wrap it in gymnasium.wrappers.TimeLimit, or give max_episode_steps."
+            )
         self._seen[running] = seen[running]
         self._terminated |= terminated & running
         self._truncated |= truncated & running
@@ -161,6 +177,15 @@ class GymnasiumTask:
     def close(self) -> None:
         """Close the environments, and end their processes if they have any."""
         self.envs.close()
+
+
+def _limit(env: gymnasium.Env[Any, Any]) -> int | None:
+    """The steps after which an environment cuts an episode, or None."""
+    while isinstance(env, gymnasium.Wrapper):
+        if isinstance(env, TimeLimit):
+            return int(env._max_episode_steps)
+        env = env.env
+    return None
 
 
 def _make(

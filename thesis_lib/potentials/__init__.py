@@ -2,8 +2,7 @@
 
 The means over tasks that make the three potentials stand in ``averages`` (eqs 3.3 to 3.8),
 optimal initialisation for planning in ``theorem_1``, the value of one policy for all tasks in
-``cross_task_problem`` and the search for the best in ``cross_task_policy``, and shaping rewards
-in ``shaping``.
+``cross_task_problem`` and the search for the best in ``cross_task_policy``.
 """
 
 from thesis_lib.potentials.averages import (
@@ -24,7 +23,6 @@ from thesis_lib.potentials.averages import (
     soft_solutions,
     task_policies,
 )
-from thesis_lib.potentials.shaping import look_ahead_advice, state_shaping
 
 __all__ = [
     "WEIGHTINGS",
@@ -35,7 +33,6 @@ __all__ = [
     "learning_weights",
     "least_squares_weights",
     "linear_cross_task_weights",
-    "look_ahead_advice",
     "optimal_solutions",
     "pair_weights",
     "policy_values",
@@ -43,6 +40,5 @@ __all__ = [
     "q_star",
     "q_tilde",
     "soft_solutions",
-    "state_shaping",
     "task_policies",
 ]

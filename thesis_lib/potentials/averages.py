@@ -428,5 +428,17 @@ def constant_potential(domain: Domain, value: float) -> FloatArray:
 
     The control for every potential: it carries the level of the values and nothing of
     what distinguishes one pair from another.
+
+    Parameters
+    ----------
+    domain
+        The tasks.
+    value
+        The number, in units of reward.
+
+    Returns
+    -------
+    FloatArray
+        Shape ``(O, A)``.
     """
     return np.full(domain.shape, float(value))

@@ -15,7 +15,7 @@ degenerate, 0 at every single task's :math:`Q^*_m`.  With the truncation,
           G_\varepsilon(Q_0) = \sum_m D(m) \log \max(\delta_m, \varepsilon),
 
 so that **the sufficient number of sweeps is least exactly where** :math:`G_\varepsilon` **is**
-(:func:`truncated_objective`); no assumption on the distances is left.
+(:func:`truncated_minimiser`); no assumption on the distances is left.
 
 *Minimisers.*  Where one function is within :math:`\varepsilon` of all tasks, it is one, as the
 midrange is for every :math:`\varepsilon` from the largest half distance of two tasks' values on.
@@ -69,21 +69,6 @@ def log_geometric_mean(distribution: ArrayLike, delta: ArrayLike) -> float:
     r"""The theorem's objective :math:`\log\prod_m \delta_m^{D(m)}`; minus infinity at a zero."""
     with np.errstate(divide="ignore"):
         return float(np.dot(np.asarray(distribution), np.log(np.asarray(delta))))
-
-
-def truncated_objective(distribution: ArrayLike, delta: ArrayLike, tolerance: float) -> float:
-    r"""The corrected objective :math:`\sum_m D(m) \log\max(\delta_m, \varepsilon)`.
-
-    Parameters
-    ----------
-    distribution
-        D(m), shape ``(M,)``.
-    delta
-        :math:`\delta_m`, shape ``(M,)``.
-    tolerance
-        :math:`\varepsilon > 0`.
-    """
-    return log_geometric_mean(distribution, np.maximum(np.asarray(delta, float), tolerance))
 
 
 def sufficient_sweeps(delta: ArrayLike, tolerance: float, discount: float) -> FloatArray:

@@ -143,27 +143,6 @@ def relevance_by_variance(labels: ArrayLike, q: ArrayLike, p: ArrayLike) -> floa
     return float(mass[seen] @ (second - first**2))
 
 
-def forward_relevance(labels: ArrayLike, q: ArrayLike, p: ArrayLike) -> float:
-    r"""Forward relevance: relevance of the null abstraction on the abstract Q-function.
-
-    It is the error saved by the kept features over none, the variance they explain.
-
-    Parameters
-    ----------
-    labels
-        Labels of the abstraction :math:`x \mapsto x[G]`, shape ``(N,)``.
-    q, p
-        As for :func:`abstract_q`.
-
-    Notes
-    -----
-    Source: algorithm 9 (FR).
-    """
-    y, _, weights, n = _prepare(labels, q, p)
-    mass = np.bincount(y, weights, n)
-    return relevance(np.zeros(n, dtype=np.int64), abstract_q(labels, q, p), mass)
-
-
 def _prepare(
     labels: ArrayLike, q: ArrayLike, p: ArrayLike
 ) -> tuple[IntArray, FloatArray, FloatArray, int]:

@@ -153,17 +153,6 @@ def compare_parts(
     return Estimate(observed, observed - spread / n_tasks, spread, n_tasks)
 
 
-def leave_one_out(finer: Cells, coarser: Cells) -> FloatArray:
-    """Relevance lost between two nested partitions, each task left out in turn, shape ``(n,)``.
-
-    Parameters
-    ----------
-    finer, coarser
-        Sums over cells, as for :func:`compare`.
-    """
-    return _without_each(finer) - _without_each(coarser)
-
-
 def finite_domain(unbiased: float, single: float, n_domain: int) -> float:
     r"""Domain relevance when the observed tasks are different tasks of a finite domain.
 
@@ -184,71 +173,6 @@ def finite_domain(unbiased: float, single: float, n_domain: int) -> float:
     """
     n = positive_integer("n_domain", n_domain)
     return (1 - 1 / n) * unbiased + single / n
-
-
-def covariance(solutions: Solutions, labels: ArrayLike) -> FloatArray:
-    r"""Matrix :math:`B_{ij} = \sum_y p(y)\, \mathrm{Cov}(Q_i, Q_j \mid y)`, shape ``(M, M)``.
-
-    Parameters
-    ----------
-    solutions
-        M task solutions with one p(x|m).
-    labels
-        The abstraction, shape ``(N,)``.
-
-    Raises
-    ------
-    ValueError
-        When tasks do not share p(x|m); their covariances then depend on the sequence
-        (see :func:`~thesis_lib.relevance.sequences.sequence_covariance`).
-    """
-    if not solutions.shared:
-        raise ValueError(
-            "the tasks have different p(x|m), but one covariance matrix exists only when they "
-            "share it; use sequence_covariance, which takes the sequence."
-        )
-    cells = partition(solutions, labels)
-    return inner_products(ground(solutions)) - inner_products(cells)
-
-
-def linear_covariance(solutions: Solutions, design: ArrayLike) -> FloatArray:
-    r"""The same matrix for a linear function of features instead of an abstraction.
-
-    :math:`B_{ij} = \sum_x p(x) R_i(x) R_j(x)` with :math:`R_i` the residual of the
-    weighted least-squares fit of :math:`Q_i` by the columns of ``design``.  The fit is
-    linear in Q, so all laws of this module hold for it as well.
-
-    Parameters
-    ----------
-    solutions
-        M task solutions with one p(x|m).
-    design
-        Columns spanning the function class, shape ``(N, d)``.
-
-    Returns
-    -------
-    FloatArray
-        Shape ``(M, M)``.
-    """
-    if not solutions.shared:
-        raise ValueError(
-            "the tasks have different p(x|m), but residuals of one weighting are needed; give all "
-            "tasks the same p."
-        )
-    columns = np.asarray(design, dtype=float)
-    if columns.ndim != 2 or len(columns) != solutions.n_pairs or not np.isfinite(columns).all():
-        raise ValueError(
-            f"design has shape {columns.shape}, but a finite matrix with one row for each of the "
-            f"{solutions.n_pairs} state-action pairs is needed."
-        )
-    a, b = solutions.moments
-    root = np.sqrt(b[0])
-    seen = root > 0
-    scaled = a[:, seen] / root[seen] + root[seen] * solutions.centre
-    basis, size, _ = np.linalg.svd(root[seen, None] * columns[seen], full_matrices=False)
-    basis = basis[:, size > size[0] * 1e-12]
-    residual = scaled - (scaled @ basis) @ basis.T
-    return residual @ residual.T
 
 
 def law(covariances: ArrayLike) -> tuple[float, float]:
@@ -333,12 +257,3 @@ def _jackknife_parts(cells: Cells) -> tuple[float, float]:
     left = rest > LEFT * total
     change = np.divide(change, rest, out=np.zeros_like(change), where=left)
     return float(A @ r) / n, float(change.sum())
-
-
-def _without_each(cells: Cells) -> FloatArray:
-    A = cells.a.sum(axis=0) - cells.a
-    total = cells.b[0] * cells.n_tasks if cells.shared else cells.b.sum(axis=0)
-    B = np.broadcast_to(total - cells.b, A.shape)
-    A *= A
-    ratio = np.divide(A, B, out=np.zeros_like(A), where=(LEFT * total) < B)
-    return ratio.sum(axis=1) / (cells.n_tasks - 1)

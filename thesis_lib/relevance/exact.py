@@ -38,7 +38,6 @@ where few tasks visit a cell, listing the subsets of those that do is faster.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from functools import cache
 from typing import Literal
 
@@ -116,49 +115,6 @@ def k_relevance(
     """
     law = _Law(solutions, k, distribution, replacement, direction)
     return law(partition(solutions, labels)).reshape(np.shape(k))
-
-
-def feature_k_relevance(
-    solutions: Solutions,
-    k: ArrayLike,
-    *,
-    removed: Iterable[str | int] = (),
-    distribution: ArrayLike | None = None,
-    replacement: bool = True,
-    direction: Direction = "backward",
-) -> FloatArray:
-    r"""Exact k-relevance of every feature, for all k at once.
-
-    Parameters
-    ----------
-    solutions
-        The M tasks of the domain, or the tasks observed so far.
-    k
-        Sequence lengths, shape ``(K,)``.
-    removed
-        Features R that are removed already, names or indices.
-    distribution, replacement
-        As for :func:`k_relevance`.
-    direction
-        ``"backward"``: relevance of removing R and the feature, as BKR computes
-        (algorithm 8).  ``"forward"``: what R and the feature explain without the others,
-        as FR computes (algorithm 9).
-
-    Returns
-    -------
-    FloatArray
-        Shape ``(F - |R|, K)``, features in order.  Curves of single features, as in
-        figure 4.1, are those for no ``removed``.
-    """
-    law = _Law(solutions, k, distribution, replacement, direction)
-    base = ground(solutions)
-    gone = solutions.mask(removed)
-    rest = np.flatnonzero(~gone).tolist()
-    if direction == "backward":
-        cells = base.keep(rest) if gone.any() else base
-        return np.array([law(cells.drop(i)) for i in rest])
-    already = np.flatnonzero(gone).tolist()
-    return np.array([law(base.keep([*already, i])) for i in rest])
 
 
 def domain_relevance(
@@ -441,7 +397,7 @@ def check_lengths(k: ArrayLike, largest: int | None = None) -> IntArray:
 
 
 class _Law:
-    """k-relevance of partitions of the same tasks, with what they share computed once."""
+    """k-relevance of partitions of some tasks."""
 
     def __init__(
         self,

@@ -14,6 +14,7 @@ from thesis_lib.selection.fitting import (
     fstek_threshold,
     triangle_alpha,
 )
+from thesis_lib.selection.flips import SignFlips
 from thesis_lib.selection.fstek import FSTEK, IBKR, bkr, fr
 from thesis_lib.selection.functions import FunctionSelector, LinearF, NetworkF
 from thesis_lib.selection.jackknife import JackknifeF, f_threshold
@@ -39,6 +40,7 @@ __all__ = [
     "Round",
     "Selector",
     "Shrinkage",
+    "SignFlips",
     "TaskRelevance",
     "bkr",
     "f_threshold",

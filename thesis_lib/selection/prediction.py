@@ -13,8 +13,15 @@ so the mixture predicts best at :math:`w = N/D`, and f predicts no better than c
 :math:`2N \le D`, that is :math:`w \le \frac12`.  Nothing here asks how tasks weight their pairs:
 task i is a fresh draw for what the others predict, and (2N - D)/n is an unbiased estimate of how
 much less the feature lets n - 1 tasks err on the next one, *whatever the p(x|m)*.  (Of the domain
-relevance itself no unbiased estimate exists then: :mod:`thesis_lib.relevance.estimators`.)  A
-cell of f that the others never visit predicts what c does, and so adds nothing.
+relevance itself no unbiased estimate exists then: :mod:`thesis_lib.relevance.estimators`.)
+
+*Cells that the others never visit.*  A table says nothing of them; what it holds there is part of
+the function that is judged.  It may be a number, such as the 0 of a table that nobody has filled,
+the mean of the others over all pairs, or what the coarser cell has.  Each is a function of the
+other tasks alone, so (2N - D)/n is unbiased for the function with these values, and in general
+for no other.  A number or the mean charges a feature for what it errs in such cells; the coarser
+cell's value charges nothing, as if the potential, too, had that of the coarser cell there.  Where
+tasks share p(x|m), the others visit every cell that a task visits, and all are one.
 
 *Shared p(x|m).*  With :math:`Z_i` the contribution of task i to the increment, mean
 :math:`\bar Z` and covariance S (:mod:`thesis_lib.selection.jackknife`), c predicts 0 and f
@@ -46,7 +53,7 @@ import numpy as np
 
 from thesis_lib.arrays import FloatArray, IntArray
 from thesis_lib.checks import one_of
-from thesis_lib.relevance.cells import FeatureCells, ground, keep
+from thesis_lib.relevance.cells import Cells, FeatureCells, ground, keep
 from thesis_lib.relevance.estimators import LEFT, compare
 from thesis_lib.relevance.solutions import Solutions
 from thesis_lib.selection.base import (
@@ -59,8 +66,13 @@ from thesis_lib.selection.base import (
     Test,
 )
 
+Unseen = Literal["mean", "coarser"]
+"""What a function has in a cell that no task visits, if that is not a number."""
 
-def left_out(finer: FeatureCells, feature: int) -> tuple[float, float]:
+
+def left_out(
+    finer: FeatureCells, feature: int, unseen: float | Unseen = "coarser"
+) -> tuple[float, float]:
     r"""What a feature adds to the prediction of each task by the others: N and D.
 
     Parameters
@@ -69,6 +81,10 @@ def left_out(finer: FeatureCells, feature: int) -> tuple[float, float]:
         Sums over the cells of the features kept, for n tasks, at least 2.
     feature
         Index of one of them.
+    unseen
+        What both functions have in a cell that the others never visit: ``"mean"``, that of the
+        others over all pairs, or a number, counted from :attr:`Solutions.centre` as the sums are.
+        With ``"coarser"`` the finer one has the value of the coarser.
 
     Returns
     -------
@@ -77,17 +93,21 @@ def left_out(finer: FeatureCells, feature: int) -> tuple[float, float]:
         lowers the mean squared error by :math:`(2N - D)/n` and is best scaled by N/D.
     """
     coarser = finer.drop(feature)
-    above = _coarser_cell(finer, coarser, feature)
+    above = coarser_cell(finer, coarser, feature)
     a, b = finer.a, np.broadcast_to(finer.b, finer.a.shape)
-    c, seen = _others(coarser)
-    f, visited = _others(finer)
-    c = c[:, above]
-    step = np.where(visited & seen[:, above], f - c, 0.0)
+    (c, seen), (f, visited) = _others(coarser), _others(finer)
+    c, seen = c[:, above], seen[:, above]
+    if unseen == "coarser":
+        step = np.where(visited & seen, f - c, 0.0)
+    else:
+        value = _others(finer.total())[0] if unseen == "mean" else unseen
+        c = np.where(seen, c, value)
+        step = np.where(visited, f, value) - c
     n = finer.n_tasks
     return float(((a - b * c) * step).sum()) / n, float((b * step * step).sum()) / n
 
 
-def _others(cells: FeatureCells) -> tuple[FloatArray, np.ndarray]:
+def _others(cells: Cells) -> tuple[FloatArray, np.ndarray]:
     """Mean of a cell over the other tasks, and whether they visit it, each ``(n, G)``."""
     b = np.broadcast_to(cells.b, cells.a.shape)
     total = b.sum(axis=0)
@@ -96,7 +116,7 @@ def _others(cells: FeatureCells) -> tuple[FloatArray, np.ndarray]:
     return np.divide(A, B, out=np.zeros_like(A), where=visited), visited
 
 
-def _coarser_cell(finer: FeatureCells, coarser: FeatureCells, feature: int) -> IntArray:
+def coarser_cell(finer: FeatureCells, coarser: FeatureCells, feature: int) -> IntArray:
     """Cell of the coarser partition that holds each cell of the finer, shape ``(G,)``."""
     at = finer.features.index(feature)
     low, size = prod(finer.sizes[at + 1 :]), finer.sizes[at]
@@ -109,6 +129,15 @@ class LeaveOneTaskOut(BackwardElimination):
 
     In each round every feature's part in the prediction of one task by the others is compared
     with its cost; of those that do not pay, the one with the smallest weight N/D goes.
+
+    Parameters
+    ----------
+    unseen
+        What the potential has where no task visits its cell; only of the function with this value
+        does the rule tell which predicts better.  A number is what
+        :func:`~thesis_lib.potentials.linear_cross_task_weights` is given as ``fill``, by default
+        the same 0; ``"mean"`` is the mean over all tasks and pairs.  With ``"coarser"`` a feature
+        costs nothing there, as if the potential had the value of the coarser cell.
 
     Notes
     -----
@@ -137,13 +166,24 @@ class LeaveOneTaskOut(BackwardElimination):
     min_tasks = 2
     keep_for_good: KeepForGood = "never"
 
-    def __init__(self) -> None:
-        pass
+    def __init__(self, unseen: float | Unseen = 0.0) -> None:
+        self.unseen = unseen
 
     def _test(self, call: Call) -> Test:
+        unseen = self.unseen
+        if isinstance(unseen, str):
+            one_of("unseen", unseen, ("mean", "coarser"))
+        elif not np.isfinite(unseen):
+            raise ValueError(
+                f"unseen is {unseen}, but a finite number is needed, the value of the potential "
+                'where no task visits a cell, or "mean" or "coarser".'
+            )
+        else:
+            unseen = unseen - call.solutions.centre
+
         def test(cells: FeatureCells, candidates: list[int]) -> Iterable[Check]:
             for feature in candidates:
-                gained, spent = left_out(cells, feature)
+                gained, spent = left_out(cells, feature, unseen)
                 relevance = compare(cells, cells.drop(feature)).domain
                 if spent <= call.zero:
                     yield Check(feature, "remove", relevance, 0.0, 0.5, "it changes no prediction")
@@ -172,7 +212,8 @@ class Shrinkage(Selector):
     weight
         ``"plug-in"``: :math:`(1 - 1/F)_+`, F the jackknife F-ratio of the increment.
         ``"cross-fitted"``: :math:`N_+/D`, at most 1, which leave-one-task-out predictions
-        give for any p(x|m).
+        give for any p(x|m), those with the value of the coarser cell where the others visit
+        none, as :meth:`values` has it.
 
     Attributes
     ----------

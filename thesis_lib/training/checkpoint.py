@@ -30,13 +30,18 @@ _LIBRARY = Path(imports.__file__).parent
 
 
 @cache
-def code_digest() -> str:
+def code_digest(module: str = "thesis_lib.training.run") -> str:
     """SHA-256, in hexadecimal, of all code and data a run's numbers come from.
 
-    These are the modules :mod:`thesis_lib.training.run` imports, directly or through others, with
-    the tables beside them.
+    These are the modules that a module imports, directly or through others, with the tables
+    beside them.
+
+    Parameters
+    ----------
+    module
+        That of the runs; for those of a test :mod:`thesis_lib.training.suite`.
     """
-    modules = imports.closure(["import thesis_lib.training.run"], _LIBRARY.parent)
+    modules = imports.closure([f"import {module}"], _LIBRARY.parent)
     digest = hashlib.sha256()
     for path in sorted({*modules.values(), *imports.data_files(modules)}):
         name = path.relative_to(_LIBRARY).as_posix()

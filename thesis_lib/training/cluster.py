@@ -194,7 +194,9 @@ def slurm_cluster(jobs: int, gigabytes: float) -> Any:
     """Jobs of SLURM, each on one core.
 
     Queue, account, wall time and what else a site asks for come from Dask's own configuration
-    file ``jobqueue.yaml``; ``job_script()`` of what is returned is the script.
+    file ``jobqueue.yaml``; ``job_script()`` of what is returned is the script.  A job that ends
+    before the sweep is not started again: give ``walltime`` at least the hours that ``--plan``
+    prints for so many cores, or give the command again, which goes on from the checkpoints.
 
     Raises
     ------

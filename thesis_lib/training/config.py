@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from typing import Any
 
 import gymnasium
@@ -34,8 +35,8 @@ DUAN_DELTA: Mapping[str, float] = {"Swimmer": 0.1}
 the swimmer's."""
 
 OUR_DELTA = 0.05
-"""The same for the other tasks, whose step sizes stand in a supplement we do not have.  Scripts of
-Duan et al.'s group have 0.05 to 0.1."""
+"""The same for the other tasks, whose step sizes stand in a supplement we do not have.  A script of
+Duan et al.'s group for these robots has 0.08 and 0.1 (see results/calibration)."""
 
 HEAD_SCALE: Mapping[str, float] = {"ffwd": 0.1, "gru": 0.1, "lstm": 0.1, "esn": 0.1}
 """What the initial weights of these nets' output layers are multiplied with.  The thesis does not
@@ -89,7 +90,8 @@ class TrainConfig:
 
     task: str = "Hopper"
     """Swimmer, Hopper, HalfCheetah, Walker2d, Ant, a robot that a package offers, or the id of a
-    registered Gymnasium environment with a Box action."""
+    Gymnasium environment with a Box action, such as Pendulum-v1 or my_package:Mine-v0, where the
+    package that registers it is imported."""
     terrain: str = "flat"
     """flat, or hill: one map, drawn from the seed."""
     architecture: str = "dtrnn"
@@ -134,7 +136,7 @@ class TrainConfig:
     reading: str = "code"
     """code, text or duan: whose rewards and observations (see make_task)."""
     alive_bonus: float | None = None
-    """Replaces the task's bonus for staying alive."""
+    """Replaces the task's bonus for staying alive, in reward a step."""
     units: int | None = None
     """Hidden units of nets with one hidden layer; default section 5.4."""
     previous_action: bool | None = None
@@ -245,17 +247,28 @@ def task_name(name: str) -> str:
     Raises
     ------
     ValueError
-        Naming the tasks there are.
+        Naming the tasks there are, or the package before the colon that can't be imported.
     """
     plain = name.replace("_", "").replace("-", "").lower()
     if plain in TASK_NAMES:
         return TASK_NAMES[plain]
     if is_robot(name) or name in gymnasium.registry:
         return name
+    package, colon, own = name.partition(":")
+    if colon:
+        try:
+            import_module(package)
+        except (ImportError, TypeError, ValueError) as error:
+            raise ValueError(
+                f"task {name!r} is of {package!r}, which can't be imported ({error}): install "
+                "that package, or mend its name."
+            ) from error
+        if own in gymnasium.registry:
+            return name
     robots = ", ".join((*ROBOTS, *offers("robot")))
     raise ValueError(
         f"task {name!r} does not exist: choose one of {robots}, or the id of an environment that "
-        "is registered in Gymnasium."
+        "is registered in Gymnasium, as my_package:Mine-v0 where a package of yours does so."
     )
 
 

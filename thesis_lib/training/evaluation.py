@@ -21,11 +21,11 @@ from thesis_lib.locomotion import BatchTask, make_task
 from thesis_lib.locomotion.robots import Ground
 from thesis_lib.locomotion.tasks import TEST_HORIZON, Termination
 from thesis_lib.locomotion.terrain import hill_maps
-from thesis_lib.optimisation import run_episodes
+from thesis_lib.optimisation import GymnasiumTask, run_episodes
 from thesis_lib.policies import GaussianPolicy
 from thesis_lib.stats import mean_ci
 from thesis_lib.surroundings import own_settings
-from thesis_lib.training.config import TERRAINS
+from thesis_lib.training.config import TERRAINS, is_robot
 from thesis_lib.training.disturbances import Disturbances, parse_perturbation
 from thesis_lib.training.run import Training
 from thesis_lib.training.trained import Trained, read_trained
@@ -195,17 +195,38 @@ def evaluate(
     return tested(task_for(run, chosen), run.policy, chosen)
 
 
-def task_for(trained: Training | Trained, config: EvaluateConfig) -> BatchTask:
-    """The task of a test for a run: its robot, rewards and observations."""
+def task_for(trained: Training | Trained, config: EvaluateConfig) -> BatchTask | GymnasiumTask:
+    """The task of a test for a run: its robot, rewards and observations, or its environment.
+
+    Raises
+    ------
+    ValueError
+        When an environment that is no robot's is to be tested in another way than as it is.
+    """
     run = trained.config
-    return evaluation_task(run.task, config, reading=run.reading, alive_bonus=run.alive_bonus)
+    if is_robot(run.task):
+        return evaluation_task(run.task, config, reading=run.reading, alive_bonus=run.alive_bonus)
+    for name in ("terrain", "perturbations", "termination"):
+        if getattr(config, name) != getattr(EvaluateConfig(), name):
+            raise no_robot(run.task, name)
+    return GymnasiumTask(run.task, config.runs, seed=config.seed, max_episode_steps=config.steps)
 
 
-def tested(task: BatchTask, policy: GaussianPolicy, config: EvaluateConfig) -> pd.DataFrame:
+def no_robot(task: str, setting: str) -> ValueError:
+    """The error that a setting of a test needs a robot."""
+    return ValueError(
+        f"{task} is no robot's name, and terrain, perturbations, termination and film are "
+        f"for robots alone: leave {setting} out."
+    )
+
+
+def tested(
+    task: BatchTask | GymnasiumTask, policy: GaussianPolicy, config: EvaluateConfig
+) -> pd.DataFrame:
     """One run in every world; columns as in :data:`RUN_COLUMNS`."""
+    dt = task.dt if isinstance(task, GymnasiumTask) else task.task.robot.control_dt
     with own_settings():
-        actor = acting(policy, config, task.task.robot.control_dt)
-        rollouts = run_episodes(task, actor, exploration(config))
+        rollouts = run_episodes(task, acting(policy, config, dt), exploration(config))
     return pd.DataFrame(
         {
             "run": np.arange(config.runs),

@@ -20,6 +20,7 @@ from thesis_lib.training.evaluation import (
     acting,
     exploration,
     ground_of,
+    no_robot,
     task_for,
 )
 from thesis_lib.training.run import Training
@@ -112,12 +113,16 @@ def pictures(
 
     Raises
     ------
+    ValueError
+        When the policy is not a robot's.
     thesis_lib.locomotion.rendering.NoGL
         When nothing can be drawn on this machine.
     """
     from thesis_lib.locomotion.rendering import film as draw
 
     task = task_for(trained, config)
+    if not isinstance(task, BatchTask):
+        raise no_robot(trained.config.task, "film")
     robot, dt = task.task.robot.name, task.task.robot.control_dt
     states = positions(task, acting(trained.policy, config, dt), run, exploration(config))
     every = max(1, round(1 / (FRAMES_A_SECOND * dt)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import dataclasses
 import itertools
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -150,4 +151,4 @@ def named(run: Mapping[str, Any]) -> str:
     parts = [str(run[column]) for column in GRID_COLUMNS]
     if parts[-1] == DEFAULT:
         parts.pop()
-    return "-".join(parts).lower().replace(", ", "-").replace("=", "-").replace("/", "-")
+    return re.sub(", |[=/:]", "-", "-".join(parts).lower())

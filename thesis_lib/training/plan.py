@@ -54,6 +54,13 @@ def cost(config: TrainConfig) -> float:
     return float(config.iterations * config.batch_steps * micro * 1e-6)
 
 
+def not_measured(configs: Sequence[TrainConfig]) -> list[str]:
+    """Tasks, with their ground, and nets of runs whose :func:`cost` is a guess, each once."""
+    tasks = {f"{task} ({ground})": None for task, ground in STEP_COST}
+    wanted = [name for c in configs for name in (f"{c.task} ({c.terrain})", c.architecture)]
+    return [name for name in dict.fromkeys(wanted) if name not in tasks and name not in NETS]
+
+
 def memory(config: TrainConfig) -> float:
     """About how many gigabytes a run takes: as measured, 1, and more for the Ant's reservoir."""
     if config.task == "Ant" and config.architecture == "esn":

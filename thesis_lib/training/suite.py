@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import fnmatch
+import hashlib
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -19,6 +20,7 @@ from thesis_lib.checkout import environment
 from thesis_lib.checks import ForeseenError, one_of, plain_settings
 from thesis_lib.files import replacing, writable_directory, write_json
 from thesis_lib.locomotion import BatchTask
+from thesis_lib.training.checkpoint import code_digest
 from thesis_lib.training.disturbances import Disturbances
 from thesis_lib.training.evaluation import RUN_COLUMNS, EvaluateConfig, evaluation_task, tested
 from thesis_lib.training.grid import GRID_COLUMNS, key
@@ -394,10 +396,14 @@ def write(
         "config": dataclasses.asdict(config),
         "tests": {c: dataclasses.asdict(config.test(c)) for c in config.conditions},
         "store": Path(str(place)).name,
+        "policies": hashlib.sha256(Path(place).read_bytes()).hexdigest()
+        if _is_file(place)
+        else None,
         "rows": len(table),
         "columns": dict(COLUMNS),
         "written": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         **environment(),
+        "code": code_digest(__name__),
         "table": "tests.parquet",
     }
     with replacing(folder / "tests.parquet") as temporary:

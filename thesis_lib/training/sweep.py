@@ -8,17 +8,17 @@ left off.
 
 from __future__ import annotations
 
-import sys
 import time
 import traceback
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from dask.base import tokenize
 from distributed import Client, Future, Status, as_completed, get_worker
 from distributed.scheduler import KilledWorker
 from distributed.worker import thread_state
+from tqdm import tqdm
 
 from thesis_lib.training.cluster import SchedulerLost, connected
 from thesis_lib.training.config import TrainConfig
@@ -208,58 +208,43 @@ def _work(config: TrainConfig, place: str, any_version: bool) -> str | None:
     return None
 
 
-@dataclass
 class _Line:
-    """One line of progress over all runs, overwritten, on a terminal and nowhere else."""
+    """Progress over all runs, by what they cost, on a terminal and nowhere else."""
 
-    configs: Sequence[TrainConfig]
-    begun: dict[str, int]
-    done: int = 0
-    failed: int = 0
-    start: float = field(default_factory=time.monotonic)
-    shown: bool = field(default_factory=lambda: sys.stderr.isatty())
-
-    def __post_init__(self) -> None:
-        self.named = {run_name(c): c for c in self.configs}
+    def __init__(self, configs: Sequence[TrainConfig], begun: Mapping[str, int]) -> None:
+        self.named = {run_name(c): c for c in configs}
         self.share = {name: cost(c) / c.iterations for name, c in self.named.items()}
-        self.left = {name: c.iterations for name, c in self.named.items()}
-        for name, iteration in self.begun.items():
-            self.left[name] -= iteration
-        self.total = self._left()
+        self.left = {name: c.iterations - begun[name] for name, c in self.named.items()}
         self.running: set[str] = set()
+        self.done = self.failed = 0
+        self.bar = tqdm(
+            total=sum(self.share[name] * left for name, left in self.left.items()),
+            bar_format="{percentage:.0f}%, {remaining} left{postfix}",
+            disable=None,
+            leave=False,
+            smoothing=0,
+            mininterval=0,
+            miniters=0,
+        )
 
-    def _left(self) -> float:
-        """About how many processor seconds all runs still need."""
-        return sum(self.share[name] * left for name, left in self.left.items())
+    def _now_left(self, name: str, left: int) -> None:
+        failed = f", {self.failed} failed" * (self.failed > 0)
+        self.bar.set_postfix_str(
+            f"{self.done} of {len(self.left)} runs done, {len(self.running)} running{failed}",
+            refresh=False,
+        )
+        self.bar.update(self.share[name] * (self.left[name] - left))
+        self.left[name] = left
 
     def iteration(self, name: str, iteration: int) -> None:
         """Take note of how far a run has come."""
-        self.left[name] = self.named[name].iterations - iteration
         self.running.add(name)
-        self._show()
+        self._now_left(name, self.named[name].iterations - iteration)
 
     def ended(self, outcome: Outcome) -> None:
-        """Take note of the end of a run."""
-        name = run_name(outcome.config)
-        self.running.discard(name)
-        self.left[name] = 0
+        """Take note of the end of a run, and make way for a line on it."""
+        self.running.discard(run_name(outcome.config))
         self.done += outcome.error is None
         self.failed += outcome.error is not None
-        if self.shown:
-            print(f"\r{'':<119}\r", end="", file=sys.stderr, flush=True)
-
-    def text(self, now: float) -> str:
-        """The line at a time of the monotonic clock, in seconds."""
-        left, spent = self._left(), now - self.start
-        text = f"{self.done} of {len(self.configs)} runs done, {len(self.running)} running"
-        text += f", {self.failed} failed" if self.failed else ""
-        if left < self.total:
-            seconds = left * spent / (self.total - left)
-            hours, minutes = divmod(round(seconds / 60), 60)
-            text += f", about {hours} h {minutes:02d} min left"
-        return text
-
-    def _show(self) -> None:
-        if self.shown:
-            text = self.text(time.monotonic())
-            print(f"\r{text[:119]:<119}", end="", file=sys.stderr, flush=True)
+        self._now_left(run_name(outcome.config), 0)
+        self.bar.clear()

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import sys
-import time
+import re
 from collections.abc import Callable
 from pathlib import Path
+
+from tqdm import tqdm
 
 from thesis_lib.checkout import repository_root
 from thesis_lib.files import alone, writable_directory
@@ -18,7 +19,7 @@ from thesis_lib.training.run import Training, TrainingStopped
 def default_directory(config: TrainConfig) -> Path:
     """Where a run goes unless asked otherwise; every task, terrain, net and seed has its own."""
     name = f"{config.task}-{config.terrain}-{config.architecture}-{config.seed}".lower()
-    return repository_root() / "_build" / "runs" / name.replace("/", "-")
+    return repository_root() / "_build" / "runs" / re.sub("[/:]", "-", name)
 
 
 def train(
@@ -143,32 +144,24 @@ class TerminalReport:
 
     def __init__(self, iterations: int) -> None:
         self.iterations = iterations
-        self._shown = sys.stderr.isatty()
-        self._start: tuple[float, int] | None = None
+        self._bar: tqdm | None = None
 
     def __call__(self, run: Training) -> None:
         """Overwrite the line with the run's last iteration."""
-        if not self._shown:
-            return
         row = run.rows[-1]
-        if self._start is None:
-            self._start = (time.perf_counter() - row["wall_seconds"], run.iteration - 1)
-        spent = time.perf_counter() - self._start[0]
-        pace = spent / (run.iteration - self._start[1])
-        left = pace * (self.iterations - run.iteration)
-        speed = (row["steps"] - (run.rows[-2]["steps"] if len(run.rows) > 1 else 0)) / max(
-            row["wall_seconds"], 1e-9
+        taken = row["steps"] - (run.rows[-2]["steps"] if len(run.rows) > 1 else 0)
+        if self._bar is None:
+            self._bar = tqdm(
+                total=self.iterations,
+                initial=run.iteration,
+                disable=None,
+                leave=False,
+                smoothing=0,
+            )
+        self._bar.n = run.iteration
+        self._bar.set_postfix_str(
+            f"return {row['mean_return']:.1f}, KL {row['kl']:.3f}, entropy {row['entropy']:.2f}, "
+            f"{taken / max(row['wall_seconds'], 1e-9):,.0f} steps/s"
         )
-        line = (
-            f"iteration {run.iteration}/{self.iterations}  return {row['mean_return']:.1f}  "
-            f"KL {row['kl']:.3f}  entropy {row['entropy']:.2f}  {speed:,.0f} steps/s  "
-            f"{_clock(left)} left"
-        )
-        end = "\n" if run.iteration == self.iterations else ""
-        print(f"\r{line:<78}", end=end, file=sys.stderr, flush=True)
-
-
-def _clock(seconds: float) -> str:
-    minutes, seconds = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours:d}:{minutes:02d}:{int(seconds):02d}"
+        if run.iteration == self.iterations:
+            self._bar.close()
