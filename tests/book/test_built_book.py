@@ -28,6 +28,8 @@ OF_A_KIND = [p for p in PAGES if not p.startswith("book/api/") or p.endswith(("/
 OF_EACH_KIND = ["book/intro", "book/scoreboard", "book/bibliography", "book/play", "book/api/small"]
 OF_EACH_KIND += ["book/api/potentials", "prf-prf"]
 OF_EACH_KIND += ["notebooks/appendix_a", "notebooks/ch03_evaluation"]
+OURS = ["notebooks/ch04_predicting"]
+"""Pages of a chapter without a section of the thesis, and so without a number."""
 NOTEBOOKS = [page.partition("/")[2] for page in PAGES if page.startswith("notebooks/")]
 
 
@@ -131,7 +133,7 @@ def test_chapter_has_the_number_of_the_thesis(html: Path, name: str) -> None:
     number = re.search(r"/(?:ch0?(\d+)|appendix_([a-z]))(?:_|$)", name)
     shown = re.match(r"(\w+)\.[\d.]* ", heading.get_text())  # a chapter's, or that of its section
     expected = (number[1] or number[2].upper()) if number else None
-    assert (shown[1] if shown else None) == expected
+    assert (shown[1] if shown else None) == (None if name in OURS else expected)
 
 
 @pytest.mark.parametrize("name", NOTEBOOKS)

@@ -1,5 +1,7 @@
 """Every result of chapter 4 at the smoke budget, and the ledger's rows for it."""
 
+import re
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -9,7 +11,7 @@ from thesis_lib.edition.chapters import read_chapter
 from thesis_lib.edition.ledger import Verdict
 
 CHAPTER = read_chapter(chapter4)
-NOTEBOOKS = (Path(__file__).resolve().parents[2] / "notebooks").glob("ch04_*.ipynb")
+NOTEBOOKS = [*(Path(__file__).resolve().parents[2] / "notebooks").glob("ch04_*.ipynb")]
 
 
 @pytest.mark.parametrize("experiment", CHAPTER.experiments, ids=lambda e: e.id)
@@ -49,3 +51,20 @@ def test_the_ledger_has_every_row_and_says_where_it_is_shown():
         "4.3-stock-outperforms",
         "4.3-heat-jump",
     ]
+
+
+def test_a_claim_with_a_figure_stands_where_both_this_and_its_runs_are():
+    at_home = 0
+    for file in NOTEBOOKS:
+        text = file.read_text(encoding="utf-8").replace('\\"', '"')
+        runs = {
+            getattr(import_module(f"thesis_lib.chapter4.{module}"), name).id
+            for module, name in re.findall(r"page\.run\((\w+)\.(\w+)\)", text)
+        }
+        named = {*re.findall(r"""name(?:=|": )"([\w-]+)\"""", text)}
+        for claim in CHAPTER.claims:
+            if claim.figure and f"({claim.at})=" in text:
+                assert claim.figure in named, claim.id
+                assert runs >= {*claim.experiments}, claim.id
+                at_home += 1
+    assert at_home == sum(bool(claim.figure) for claim in CHAPTER.claims)

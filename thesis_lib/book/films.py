@@ -11,6 +11,7 @@ import sys
 import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -41,6 +42,8 @@ class Film:
     ----------
     name
         Of its files.
+    robot
+        Under whose heading it stands.
     caption
         A sentence.
     runs
@@ -56,6 +59,7 @@ class Film:
     """
 
     name: str
+    robot: str
     caption: str
     runs: tuple[str, ...]
     run: int = 0
@@ -111,8 +115,11 @@ def _policy(name: str, policies: Path) -> Trained:
 
 
 def films_markdown(films: Iterable[Film]) -> str:
-    """Body of the page *Films*, as MyST Markdown."""
-    return "\n\n".join(map(film_markdown, films)) + "\n"
+    """Body of the page *Films*, a heading a robot, as MyST Markdown."""
+    parts = []
+    for robot, own in groupby(films, key=lambda film: film.robot):
+        parts += [f"## {robot}", *map(film_markdown, own)]
+    return "\n\n".join(parts) + "\n"
 
 
 def film_markdown(film: Film, *, moving: bool = False) -> str:

@@ -92,6 +92,33 @@ def by_factors(config: Config, context: Context) -> list[StockSelected]:
     return records
 
 
+def control(table: pd.DataFrame) -> dict[str, int]:
+    """In how many cells of factors and number of tasks a constant potential earns more, or less.
+
+    Parameters
+    ----------
+    table
+        Of :class:`StockSelected`.
+
+    Returns
+    -------
+    dict
+        Number of ``cells``; in how many the constant earns significantly more than no selection
+        (``over_none``, paired), and more and less than fixed features (``over_fixed`` and
+        ``under_fixed``, as if the two were unpaired), by 95% intervals, not corrected.
+    """
+    own = table[table.method == "constant"]
+    by = table.set_index(["global_factors", "tasks_seen", "method"])
+    earned, half = by.mean_return.unstack(), by.ci95.unstack()
+    gap, error = earned.constant - earned.fixed, np.hypot(half.constant, half.fixed)
+    return {
+        "cells": len(own),
+        "over_none": int(behind(own, "none_minus").sum()),
+        "over_fixed": int((gap > error).sum()),
+        "under_fixed": int((gap < -error).sum()),
+    }
+
+
 def _rivals(table: pd.DataFrame, *methods: str) -> pd.DataFrame:
     """Rows of some methods from 4 tasks on, and whether FS-TEK is better or worse there."""
     own = table[table.method.isin(methods) & (table.tasks_seen >= 4)]
