@@ -151,8 +151,10 @@ def figure(table: pd.DataFrame, alpha: float) -> Figure:
     return fig
 
 
-def size(table: pd.DataFrame, levels: int, *, shared: bool, alpha: float = 0.05) -> pd.DataFrame:
-    """How often the default test keeps the irrelevant feature, by number of tasks.
+def size(
+    table: pd.DataFrame, levels: int, *, shared: bool, alpha: float = 0.05, null: Null = "t2"
+) -> pd.DataFrame:
+    """How often a test keeps the irrelevant feature, by number of tasks.
 
     Returns
     -------
@@ -161,7 +163,7 @@ def size(table: pd.DataFrame, levels: int, *, shared: bool, alpha: float = 0.05)
     """
     own = table[
         (table.feature == "irrelevant")
-        & (table.null == "t2")
+        & (table.null == null)
         & (table.alpha == alpha)
         & (table.levels == levels)
         & (table.shared == shared)
