@@ -1,10 +1,7 @@
 """The book as built at the smoke budget: every notebook run, every page looked at."""
 
 import functools
-import http.server
-import os
 import re
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,10 +10,10 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from bs4 import BeautifulSoup
 
-from thesis_lib.book.build import build
+from tests.book.browsing import HEIGHT, TALLEST, Tab, served
+from thesis_lib.book.build import PAGE_BYTES, build
 from thesis_lib.book.execution import last_run
 from thesis_lib.book.paths import Paths
-from thesis_lib.book.pdf import chromium as find_chromium
 from thesis_lib.edition.chapters import differences
 
 pytestmark = pytest.mark.timeout(1500)  # the first test builds the book
@@ -112,7 +109,7 @@ class TestPage:
             assert not alt.startswith(("../", "_images")), alt
 
     def test_is_small(self, html: Path, name: str) -> None:
-        assert (html / f"{name}.html").stat().st_size < 300 * 1024
+        assert (html / f"{name}.html").stat().st_size <= PAGE_BYTES
 
 
 @pytest.mark.parametrize("name", [page for page in PAGES if page.startswith("book/api/")])
@@ -189,63 +186,11 @@ def test_status_lists_every_notebook(html: Path) -> None:
     assert rows == {f"../notebooks/{name}.html" for name in NOTEBOOKS}
 
 
-class _Quiet(http.server.SimpleHTTPRequestHandler):
-    def log_message(self, *_: Any) -> None:
-        """Say nothing."""
-
-
 @pytest.fixture(scope="module")
 def site(html: Path) -> Iterator[str]:
     """The built book on a local web server."""
-    handler = functools.partial(_Quiet, directory=str(html))
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield f"http://127.0.0.1:{server.server_port}"
-        server.shutdown()
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    """Chromium without a screen; a machine without it skips, continuous integration fails."""
-    if (found := find_chromium()) is None:
-        message = "there is no chromium on this machine: install it (Debian: apt install chromium)"
-        if os.environ.get("CI") == "true":
-            pytest.fail(message)
-        pytest.skip(message)
-    from playwright.sync_api import sync_playwright
-
-    flags = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=found, headless=True, args=flags)
-        yield chromium
-        chromium.close()
-
-
-class Tab:
-    """A browser tab that records what it asks for and what goes wrong."""
-
-    def __init__(self, browser: Any, site: str, **options: Any) -> None:
-        self.site = site
-        self.context = browser.new_context(**{"reduced_motion": "reduce", **options})
-        self.page = self.context.new_page()
-        self.asked: list[str] = []
-        self.errors: list[str] = []
-        self.page.on("request", lambda request: self.asked.append(request.url))
-        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
-        self.page.on("console", self._note)
-
-    def _note(self, message: Any) -> None:
-        if message.type == "error":
-            self.errors.append(message.text)
-
-    def open(self, name: str, until: str = "load") -> Any:
-        self.page.goto(f"{self.site}/{name}")  # an idle network alone need not mean a read page
-        self.page.wait_for_load_state(until)
-        self.page.evaluate("window.MathJax?.startup?.promise")
-        return self.page
-
-    def close(self) -> None:
-        self.context.close()
+    with served(html) as address:
+        yield address
 
 
 @pytest.fixture
@@ -309,7 +254,7 @@ class TestInTheBrowser:
         if opened.locator("span.math, div.math").count():
             assert opened.locator("mjx-container").count() > 0
         if name.startswith("notebooks/"):  # a page a subject
-            assert opened.evaluate("document.documentElement.scrollHeight") < 20_000
+            assert opened.evaluate(HEIGHT) < TALLEST
         opened.evaluate("document.fonts.ready")
         files = {url.partition("?")[0].removeprefix(f"{tab.site}/") for url in tab.asked}
         sizes = {file: (html / file).stat().st_size for file in files if (html / file).is_file()}

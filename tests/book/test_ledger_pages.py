@@ -31,25 +31,23 @@ OWN = Judgement(
 )
 
 
-def test_a_claim_has_a_row_with_verdict_place_evidence_and_command() -> None:
+def test_a_claim_has_a_row_with_verdict_place_evidence_and_what_its_command_takes() -> None:
     page = ledger.scoreboard_markdown([OWN, JUDGED])
     assert "* - [refuted]{.verdict .refuted}\n    10 of 10\n  - (claim-3.4.1-numbers)=" in page
     for part in (
         "    The means are ours.",
         "    Off by 3.",
-        "*Made by*: `thesis claims 3.4.1-numbers --seeds 10`; shown in {numref}`fig-ch3-table",
-        "*Made by*: `thesis claims B.1-own`.",
+        "*Id*: `3.4.1-numbers`; shown in {numref}`fig-ch3-table",
         "  - [Table 3.1](#sec-table-3-1)\n    [headline]{.mark}",
-        "  - [B.1](#sec-ch4-appendix-b)\n",
     ):
         assert part in page, part
     assert "On the tables shown" not in page
-    theirs, _, ours = page.partition(":::::{dropdown} Claims of our own")
-    assert "claim-3.4.1-numbers" in theirs
-    assert "claim-B.1-own" not in theirs
-    assert "claim-B.1-own" in ours
-    assert ours.endswith("::::\n\n:::::\n")
-    assert "{dropdown}" not in ledger.scoreboard_markdown([JUDGED])
+    assert "claim-B.1-own" not in page
+    ours = ledger.more_markdown([OWN, JUDGED])
+    assert "## Claims of our own\n\n::::{list-table} Claims of our own, which" in ours
+    for part in ("  - (claim-B.1-own)=", "*Id*: `B.1-own`.", "  - [B.1](#sec-ch4-appendix-b)\n"):
+        assert part in ours, part
+    assert "3.4.1-numbers" not in ours
 
 
 def test_a_row_tells_where_the_tables_shown_say_another_verdict_and_how_they_are_made() -> None:
@@ -59,12 +57,12 @@ def test_a_row_tells_where_the_tables_shown_say_another_verdict_and_how_they_are
     page = ledger.scoreboard_markdown([deep])
     assert "*On the tables shown* the verdict is reproduced." in page
     assert (
-        "`thesis claims 3.4.1-numbers --seeds 10`; shown is `thesis run figure-4.4 --budget "
+        "`3.4.1-numbers`; shown is `thesis run figure-4.4 --budget "
         "thesis` (budget: book, thesis); shown in" in page
     )
     named = "The means are ours ([3.4.1-numbers](#claim-3.4.1-numbers))"
-    listed = f"1 claim reads otherwise\n- {named}: refuted (10 of 10; there reproduced).\n"
-    assert listed in page
+    listed = f"1 claim reads otherwise\n\n- {named}: refuted (10 of 10; there reproduced).\n"
+    assert listed in ledger.more_markdown([deep])
     told = ledger.findings_markdown([deep])
     assert "[Refuted](#claim-3.4.1-numbers) (reproduced by a table of more runs).\n" in told
     others = (
@@ -73,7 +71,7 @@ def test_a_row_tells_where_the_tables_shown_say_another_verdict_and_how_they_are
         replace(deep, finding=JUDGED.finding),
     )
     for other in others:
-        assert "otherwise" not in ledger.scoreboard_markdown([other])
+        assert "otherwise" not in ledger.more_markdown([other])
         assert "more runs" not in ledger.findings_markdown([other])
 
 
@@ -256,19 +254,19 @@ def test_the_scoreboard_tells_what_waits_what_flips_and_what_was_mended() -> Non
     assert (
         "Judged over draws are 3 claims, 3 of them by an earlier state of the code or the "
         "committed runs; 1 more wait for their draws.\n"
-        "After the table of claims stand those on which no verdict came out in eight of ten draws "
+        "[](#scoreboard-more) lists those on which no verdict came out in eight of ten draws "
         "and those that changed ({numref}`tbl-claims-mended`).\n" in page
     )
-    _, after = page.split(":name: tbl-claims\n")
+    after = ledger.more_markdown(judged)
     assert (
-        "No verdict came out in eight of ten draws on 1 claim\n- The means are ours "
+        "## No verdict came out in eight of ten draws on 1 claim\n\n- The means are ours "
         "([3.4.1-numbers](#claim-3.4.1-numbers)): refuted in 6, reproduced in 4 of 10.\n" in after
     )
     assert (
         "* - The means are ours ([3.4.1-mended](#claim-3.4.1-mended))\n"
         "  - reproduced, now refuted\n  - Noise" in after
     )
-    assert "#claim-3.4.1-same" not in page.replace("(claim-3.4.1-same)", "")
+    assert "#claim-3.4.1-same" not in after
     tally = "| [refuted]{.verdict .refuted}: a proof, an exact computation or a significant"
     assert f"{tally} result says the opposite | 3 | 2 in all draws, 1 waiting |" in page
 

@@ -1,8 +1,12 @@
 """What keeps the pages light."""
 
 import re
+from pathlib import Path
 
 from thesis_lib.book.offline import fewer_tags, named_code, styles_in_use
+from thesis_lib.edition.ledger import Verdict
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_a_sheet_keeps_the_rules_whose_names_are_in_use() -> None:
@@ -37,13 +41,26 @@ def test_folded_code_is_named_by_the_figure_it_makes() -> None:
     assert "aria-label" not in page + named_code(own)  # which would be read instead
 
 
-def test_a_cell_loses_the_tags_of_its_only_paragraph() -> None:
-    row = """<td class="text-left"><p><span>refuted</span>\n8 of 8</p></td>
-<td><p id="claim-1">One.</p>\n<p>Two, by <code class="literal">thesis</code>.</p>\n</td>
-<td><p>Three.</p>\n<p>Four.</p></td><td><p>Five.</p>\n</td>"""
+def test_a_table_of_the_ledger_loses_what_html_leaves_out() -> None:
+    row = """<tr>
+<td class="text-left"><p><span class="verdict not-run">not run</span>\n8 of 8</p></td>
+<td><p id="claim-1">One.</p>\n<details><summary>Evidence</summary><p>By
+<code class="literal">thesis</code>.</p>\n<p>Two, <a href="a.html#b">b</a>.</p>\n</details></td>
+<td><p>Three.</p>\n<p>Four.</p></td>\n</tr>\n<tr><td><p>Five.</p>\n</td>
+<td><span class="verdict refuted" title="a b">refuted</span></td>\n</tr>\n"""
     assert fewer_tags(row) == (
-        row.replace('<td class="text-left"><p>', '<td class="text-left">')
-        .replace("8 of 8</p>", "8 of 8")
-        .replace(' class="literal"', "")
-        .replace("<td><p>Five.</p>\n</td>", "<td>Five.</td>")
+        "<tr>\n<td class=text-left><span class=verdict>not run</span>\n8 of 8"
+        "<td><p id=claim-1>One.<details><summary>Evidence</summary><p>By\n"
+        "<code>thesis</code>.<p>Two, <a href=a.html#b>b</a>.</details>"
+        "<td><p>Three.<p>Four.<tr><td>Five."
+        '<td><span class="verdict refuted" title="a b">refuted</span>'
     )
+
+
+def test_verdicts_keep_the_classes_that_colour_them() -> None:
+    sheet = (ROOT / "book" / "_static" / "book.css").read_text(encoding="utf-8")
+    coloured = re.findall(r"\.([\w-]+) \{ --verdict", sheet)
+    assert coloured == [v.slug for v in Verdict if v.slug in coloured]
+    for verdict in Verdict:
+        mark = f'<span class="verdict {verdict.slug}">{verdict}</span>'
+        assert (fewer_tags(mark) == mark) == (verdict.slug in coloured)

@@ -332,7 +332,7 @@ def test_the_scatter_s_table_has_a_row_a_law_and_weights() -> None:
     assert shown.columns.tolist() == ["p", "law", "n = 4"]
     assert shown.p.tolist() == ["shared", "shared", "own", "own"]
     # Of three selectors the last flips signs: no choice of four is in the upper 5%.
-    assert all(cell.split("/")[2:] == ["0.00"] for cell in shown["n = 4"])
+    assert all(cell.split("/")[2:] == [".00"] for cell in shown["n = 4"])
 
 
 def test_regret_of_thresholds_by_hand() -> None:

@@ -206,12 +206,12 @@ def test_pages_tell_the_verdict_over_roots_and_the_one_here():
     none = OverRoots({Verdict.NOT_RUN: 8}, "book", "", False)
     assert replace(here, over=none).in_words() == "not run"
     row = _rows(here)
-    assert "*Made by*: `thesis claims often --seeds 10`; " in row
+    assert "*Id*: `often`; " in row
     page = (ROOT / "book" / "scoreboard.md").read_text(encoding="utf-8")
     assert "`thesis claims ID --seeds 10`" in page
     assert "over draws are of earlier code or runs" in row
     proof = replace(CLAIMS[0], experiments=())
-    assert "*Made by*: `thesis claims often`; the verdicts" in _rows(replace(here, claim=proof))
+    assert "*Id*: `often`; the verdicts" in _rows(replace(here, claim=proof))
     now = replace(over, code=roots.code_of_claim(CLAIMS[0], "book"))
     assert "earlier code" not in _rows(replace(here, over=now))
 

@@ -21,6 +21,9 @@ from thesis_lib.edition.budgets import BUDGETS
 from thesis_lib.files import alone, replacing, write_json
 from thesis_lib.imports import PACKAGE
 
+PAGE_BYTES = 300 * 1024
+"""What the HTML of a page weighs at most: a telephone reads it in a second or two."""
+
 _STAMP = ".built.json"
 _COLLECTED = ".from-notebooks"
 
@@ -79,12 +82,29 @@ def build(
         stage(paths, tasks, runs, generated(paths.root, paths.results, runs, draft=paths.draft))
         status = _render(paths, strict=not only, say=say)
         if status == 0:
+            for page, size in heavy(paths.html).items():
+                say(
+                    f"{page} is too heavy: it weighs {size:,} bytes, and a page at most "
+                    f"{PAGE_BYTES:,}; shorten or split it."
+                )
             say(
                 f"The book is built ({time.perf_counter() - started:.0f} s).  Open\n"
                 f"  {paths.html / 'index.html'}\n"
                 "in a browser" + (", or run `make serve`." if budget == "book" else ".")
             )
         return status
+
+
+def heavy(html: Path) -> dict[str, int]:
+    """The pages of a built book that weigh more than :data:`PAGE_BYTES`, with their bytes.
+
+    ``tests/book/test_built_book.py`` holds it, and how tall pages are, which takes a browser.
+    """
+    sizes = {
+        file.relative_to(html).as_posix(): file.stat().st_size
+        for file in sorted(html.rglob("*.html"))
+    }
+    return {page: size for page, size in sizes.items() if size > PAGE_BYTES}
 
 
 def collect_tables(runs: Mapping[str, Run], results: Path) -> None:

@@ -69,34 +69,39 @@ def by_place(rows: Iterable[Difference]) -> str:
 
 
 def scoreboard_markdown(judged: Sequence[Judgement]) -> str:
-    """Body of the page *Scoreboard*: tallies, a table of claims, and one of our own, as MyST.
+    """Body of the page *Scoreboard*: tallies and a table of the thesis's claims, as MyST.
 
     The verdicts are those over draws where they are committed, except at the smoke budget.
     """
-    earlier = {j.claim.id for j in judged if _by_earlier_code(j)}
-    flips, mended = _flips(judged), _mended(judged)
-    state = _state(judged, earlier, flips=bool(flips), mended=bool(mended))
-    lines = [*_tally(judged), *state]
-    listed = sorted(judged, key=lambda j: in_order(j.claim.section))
-    theirs = [j for j in listed if not j.claim.ours]
+    flips, mended = bool(_flips(judged)), bool(_mended(judged))
+    state = _state(judged, _earlier(judged), flips=flips, mended=mended)
     title = "Every claim of the thesis, in its order"
-    lines += _claims(theirs, earlier, title, name="tbl-claims", look="ledger")
-    lines += [*flips, *_deeper(judged), *mended]
-    if ours := [j for j in listed if j.claim.ours]:
-        title = "Claims of our own, which the thesis at most implies or our runs suggested"
-        lines += [f":::::{{dropdown}} {title}"]
-        lines += [*_claims(ours, earlier, title, name="tbl-claims-ours", look="cards"), ":::::", ""]
-    return "\n".join(lines)
+    table = _claims(judged, title, ours=False, name="tbl-claims", look="ledger")
+    return "\n".join([*_tally(judged), *state, *table])
+
+
+def more_markdown(judged: Sequence[Judgement]) -> str:
+    """Body of the page *More about the verdicts*, as MyST.
+
+    These are the claims whose verdict changes with the draw, the runs or a mended criterion, and
+    the table of our own.
+    """
+    title = "Claims of our own, which the thesis at most implies or our runs suggested"
+    ours = [f"## {title.partition(',')[0]}", ""]
+    ours += _claims(judged, title, ours=True, name="tbl-claims-ours", look="cards")
+    return "\n".join([*_flips(judged), *_deeper(judged), *_mended(judged), *ours])
 
 
 def _claims(
-    judged: Iterable[Judgement], earlier: Set[str], title: str, *, name: str, look: str
+    judged: Sequence[Judgement], title: str, *, ours: bool, name: str, look: str
 ) -> list[str]:
-    """A table of claims with a label and a class of ``book.css``."""
+    """A table of the thesis's claims, or of ours, with a label and a class of ``book.css``."""
+    earlier = _earlier(judged)
+    listed = sorted(judged, key=lambda j: in_order(j.claim.section))
     lines = [f"::::{{list-table}} {title}", f":name: {name}", f":class: {look}"]
     lines += [":header-rows: 1", "", "* - verdict", "  - claim", "  - where"]
     told: dict[str, str] = {}
-    for j in judged:
+    for j in (j for j in listed if j.claim.ours == ours):
         # Claims that one result decides share long sentences, which stand with the first.
         first = told.setdefault(j.finding.evidence, j.claim.id)
         repeats = first if first != j.claim.id and len(j.finding.evidence) > 120 else ""
@@ -115,7 +120,7 @@ def _claim(j: Judgement, *, earlier: bool, repeats: str = "") -> list[str]:
     about += ["identity"] * (claim.kind == "identity")
     deep = {f.stem for f in committed().glob("*.json")} if "thesis" in j.budget else set()
     usual = j.budget in ("book", "exact")
-    source = [f"`thesis claims {claim.id}{' --seeds 10' * bool(claim.experiments)}`"]
+    source = [f"`{claim.id}`"]
     source += [f"shown is `thesis run {e} --budget thesis`" for e in claim.experiments if e in deep]
     source[-1] += "" if usual else f" (budget: {j.budget})"
     source += [f"shown in {link(claim.figure)}"] if claim.figure else []
@@ -127,7 +132,7 @@ def _claim(j: Judgement, *, earlier: bool, repeats: str = "") -> list[str]:
         head,
         *([_Folded("… and the rest", [rest])] if rest else []),
         f"*Criterion*: {_criterion(claim)}",
-        f"*Made by*: {'; '.join(source)}.",
+        f"*Id*: {'; '.join(source)}.",
     ]
     return [
         f"* - {j.verdict.badge}",
@@ -324,7 +329,7 @@ def _state(
     after = ["those on which no verdict came out in eight of ten draws"] * flips
     after += ["those that changed ({numref}`tbl-claims-mended`)"] * mended
     if after:
-        lines += [f"After the table of claims stand {several(after)}."]
+        lines += [f"[](#scoreboard-more) lists {several(after)}."]
     return [*lines, ""]
 
 
@@ -338,8 +343,7 @@ def _flips(judged: Iterable[Judgement]) -> list[str]:
     if not flips:
         return []
     claims = f"{len(flips)} claim{'s' * (len(flips) > 1)}"
-    title = f"No verdict came out in eight of ten draws on {claims}"
-    return [f":::::{{dropdown}} {title}", *flips, ":::::", ""]
+    return [f"## No verdict came out in eight of ten draws on {claims}", "", *flips, ""]
 
 
 def _mended(judged: Iterable[Judgement]) -> list[str]:
@@ -348,18 +352,23 @@ def _mended(judged: Iterable[Judgement]) -> list[str]:
     if not mended:
         return []
     title = "Verdicts that changed when a criterion or its evidence was mended"
-    lines = [f":::::{{dropdown}} {title}", f"::::{{list-table}} {title}"]
+    lines = ["## Verdicts that changed", "", f"::::{{list-table}} {title}"]
     lines += [":name: tbl-claims-mended", ":class: cards", ":header-rows: 1", ""]
     lines += ["* - claim", "  - was, and is", "  - because"]
     for j in mended:
         lines += [f"* - {_named(j.claim)}", f"  - {j.claim.was}, now {j.verdict}"]
         lines += [f"  - {j.claim.because}"]
-    return [*lines, "::::", ":::::", ""]
+    return [*lines, "::::", ""]
 
 
 def _named(claim: Claim) -> str:
     """A claim's words, with its id as the link to its row."""
     return f"{typeset(claim.statement).removesuffix('.')} ([{claim.id}](#claim-{claim.id}))"
+
+
+def _earlier(judged: Iterable[Judgement]) -> set[str]:
+    """The claims whose verdicts over draws are of earlier code or runs."""
+    return {j.claim.id for j in judged if _by_earlier_code(j)}
 
 
 def _by_earlier_code(judgement: Judgement) -> bool:
@@ -386,7 +395,7 @@ def _deeper(judged: Iterable[Judgement]) -> list[str]:
         return []
     claims = f"{len(found)} claim{'s read' if len(found) > 1 else ' reads'}"
     title = f"By a table of more runs, made at the thesis's budget, {claims} otherwise"
-    return [f":::::{{dropdown}} {title}", *found, ":::::", ""]
+    return [f"## {title}", "", *found, ""]
 
 
 def _frequency_class(judgement: Judgement) -> str:

@@ -193,13 +193,28 @@ _LEDGER = re.compile(r'<table class="[^"]*\b(?:ledger|cards)\b.*?</table>', re.D
 _LONE = re.compile(r"(<td[^>]*>)<p>((?:(?!</?p>|</td>).)*)</p>\s*(?=</td>)", re.DOTALL)
 """A cell with one paragraph and nothing else."""
 
+_ENDS = re.compile(r"\s*</p>\s*(?=<p\b|</?details>|</td>)|\s*</t[dr]>\s*|(?<=</details>)\s+")
+"""Ends that HTML leaves out, since what follows tells them, and space between the parts."""
+
+_QUOTES = re.compile(r'(?<= )(id|href|class)="([^\s"\'=<>`]+)"(?=[ >])')
+"""What needs no quotation marks."""
+
+_COLOURED = ("reproduced", "direction-only", "not-reproduced", "refuted")
+"""The verdicts that have a colour of their own in ``book.css``."""
+
 
 def fewer_tags(table: str) -> str:
     """A table of the ledger with fewer tags, and no other look.
 
-    Commands look as code does without a class; the only paragraph of a cell needs no tags.
+    Commands look as code does without a class, and so do verdicts without a colour of their own;
+    the only paragraph of a cell needs no tags.
     """
-    return _LONE.sub(r"\1\2", table.replace(' class="literal"', ""))
+
+    def verdict(found: re.Match[str]) -> str:
+        return found[0] if found[1] in _COLOURED else 'class="verdict"'
+
+    table = re.sub(r'class="verdict ([\w-]+)"', verdict, table.replace(' class="literal"', ""))
+    return _QUOTES.sub(r"\1=\2", _ENDS.sub("", _LONE.sub(r"\1\2", table)))
 
 
 def _shorten(app: Any, exception: Exception | None) -> None:

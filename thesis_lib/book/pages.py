@@ -17,6 +17,7 @@ from thesis_lib.book.ledger import (
     by_place,
     differences_markdown,
     findings_markdown,
+    more_markdown,
     questions,
     questions_markdown,
     quoted,
@@ -52,6 +53,7 @@ def generated(
     return {
         "findings.md": findings_markdown(judged),
         "scoreboard.md": scoreboard_markdown(judged),
+        "scoreboard_more.md": more_markdown(judged),
         "questions.md": questions_markdown(questions(), judged),
         "squares.md": squares_markdown(questions(), judged),
         "ledger.json": quoted(judged),

@@ -123,9 +123,13 @@ def level_is_held(table: pd.DataFrame) -> Finding:
 
 
 def shown(table: pd.DataFrame) -> pd.DataFrame:
-    """Shares of runs in which an irrelevant feature is kept, the selectors' parted by slashes."""
+    """Shares of runs in which an irrelevant feature is kept, the selectors' parted by slashes.
+
+    They have no leading zero, so that the table fits its page.
+    """
     own = table.assign(
-        kept=table.kept.map("{:.2f}".format), p=table.shared.map({True: "shared", False: "own"})
+        kept=table.kept.map(lambda share: f"{share:.2f}".removeprefix("0")),
+        p=table.shared.map({True: "shared", False: "own"}),
     )
     wide = own.groupby(["p", "law", "tasks_seen"], sort=False).kept.agg("/".join).unstack()
     rows = product(("shared", "own"), table.law.unique())
