@@ -1,5 +1,6 @@
 """What notebooks call."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -122,6 +123,9 @@ def test_table(shown: list[Any]) -> None:
     ]
     assert "<caption>Returns, $R$.</caption>" in forms["text/html"]
     assert "−4.1" in forms["text/html"]
+    assert ">a|b<" in forms["text/html"]  # Markdown's escape is not HTML's
+    sides = re.findall(r"td\.col(\d) {\s*text-align: (\w+)", forms["text/html"])
+    assert [side for _, side in sides] == ["left", "right", "right", "left", "left"]
 
 
 def test_verdicts_in_a_table_have_their_colours(shown: list[Any]) -> None:

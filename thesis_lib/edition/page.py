@@ -138,9 +138,24 @@ def table(
     display(
         _Rendered(
             f"::::{{table}} {caption}\n:name: {name}\n{look}\n{body}\n::::\n",
-            cells.style.hide(axis="index").set_caption(caption).to_html(),
+            _html(cells, numeric, caption),
         )
     )
+
+
+def _html(cells: pd.DataFrame, numeric: Sequence[bool], caption: str) -> str:
+    """A table for Jupyter, whose own style would set words to the right as well."""
+    shown = cells.replace(r"\\\|", "|", regex=True)
+    shown.columns = pd.Index([plain(str(column)) for column in cells.columns])
+    sides = ["right" if right else "left" for right in numeric]
+    style = shown.style.hide(axis="index").set_caption(caption)
+    style.set_table_styles(
+        [
+            {"selector": f"th.col{i}, td.col{i}", "props": f"text-align: {side}"}
+            for i, side in enumerate(sides)
+        ]
+    )
+    return style.to_html()
 
 
 def _folded(evidence: str) -> str:
