@@ -128,6 +128,16 @@ def test_table(shown: list[Any]) -> None:
     assert [side for _, side in sides] == ["left", "right", "right", "left", "left"]
 
 
+def test_a_table_in_jupyter_has_no_marks_of_markdown(shown: list[Any]) -> None:
+    frame = pd.DataFrame({"run by `f`": ["**1,072 (109)**", "2 of $Q^{*}$"]})
+    nb.table(frame, name="tbl-x", caption="As {numref}`tbl-y` by `f`, $2^{**}$.")
+    html = shown[0]._repr_mimebundle_()["text/html"]
+    assert "<caption>As tbl-y by <code>f</code>, $2^{**}$.</caption>" in html
+    assert "run by <code>f</code></th>" in html
+    assert "<strong>1,072 (109)</strong></td>" in html
+    assert "2 of $Q^{*}$</td>" in html
+
+
 def test_verdicts_in_a_table_have_their_colours(shown: list[Any]) -> None:
     row = {"claim": "refuted", "verdict": "not reproduced (9 of 10)", "ours": None, "why": "0 (1)"}
     nb.table(pd.DataFrame([row]), name="t", caption="c")
