@@ -7,6 +7,8 @@ SHELL := /bin/bash
 VENV := .venv
 RUN := $(VENV)/bin/python -m
 PORT ?= 8000
+# By default JupyterLab skips the {eval} words of cells that nobody has scrolled to.
+LAB := etc/jupyter/labconfig/default_setting_overrides.d/thesis_lib.json
 # Two processes: one builds and reads the book while the other does the rest.
 PYTEST ?= pytest -n 2 --dist loadfile
 
@@ -63,6 +65,7 @@ setup:  ## create .venv and install the pinned dependencies
 	    -c constraints.txt -e '.[book,test,lab]'; \
 	echo "$$state" > $(VENV)/.installed; \
 	echo "Done."
+	@mkdir -p $(VENV)/$(dir $(LAB)) && cp book/jupyterlab.json $(VENV)/$(LAB)
 
 serve:  ## serve the built book at http://localhost:8000 (or PORT=...)
 	@test -f _build/html/index.html || { echo "There is no book yet: run 'make book' first." >&2; exit 1; }

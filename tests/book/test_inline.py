@@ -1,5 +1,7 @@
 """Numbers in prose, evaluated in the kernel."""
 
+import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -78,3 +80,19 @@ def test_an_expression_that_fails_stops_with_its_cell_and_text(
 def test_every_cell_lists_its_expressions() -> None:
     assert inline.expressions(prose("{eval}`a`, {glue:}`b` and {eval}`c`")) == ["a", "c"]
     assert inline.expressions(new_code_cell("{'eval'}")) == []
+
+
+def test_jupyterlab_is_told_to_evaluate_cells_that_are_not_on_the_screen() -> None:
+    root = Path(__file__).parents[2]
+    (plugin, wanted), *others = json.loads((root / "book" / "jupyterlab.json").read_text()).items()
+    assert not others
+    place = "etc/jupyter/labconfig/default_setting_overrides.d"
+    for maker in ("Makefile", ".binder/postBuild"):
+        assert place in (root / maker).read_text()
+    package, name = plugin.split(":")
+    schema = Path(sys.prefix, "share/jupyter/lab/schemas", package, f"{name}.json")
+    if not schema.exists():
+        pytest.skip("JupyterLab is not installed.")
+    (option,) = wanted
+    known = json.loads(schema.read_text(encoding="utf-8"))["properties"][option]
+    assert wanted[option] in [choice["const"] for choice in known["oneOf"]]

@@ -1,5 +1,6 @@
 """What notebooks call."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -122,6 +123,19 @@ def test_table(shown: list[Any]) -> None:
     ]
     assert "<caption>Returns, $R$.</caption>" in forms["text/html"]
     assert "−4.1" in forms["text/html"]
+    assert ">a|b<" in forms["text/html"]  # Markdown's escape is not HTML's
+    sides = re.findall(r"td\.col(\d) {\s*text-align: (\w+)", forms["text/html"])
+    assert [side for _, side in sides] == ["left", "right", "right", "left", "left"]
+
+
+def test_a_table_in_jupyter_has_no_marks_of_markdown(shown: list[Any]) -> None:
+    frame = pd.DataFrame({"run by `f`": ["**1,072 (109)**", "2 of $Q^{*}$"]})
+    nb.table(frame, name="tbl-x", caption="As {numref}`tbl-y` by `f`, $2^{**}$.")
+    html = shown[0]._repr_mimebundle_()["text/html"]
+    assert "<caption>As tbl-y by <code>f</code>, $2^{**}$.</caption>" in html
+    assert "run by <code>f</code></th>" in html
+    assert "<strong>1,072 (109)</strong></td>" in html
+    assert "2 of $Q^{*}$</td>" in html
 
 
 def test_verdicts_in_a_table_have_their_colours(shown: list[Any]) -> None:

@@ -198,5 +198,7 @@ def test_an_environment_where_a_task_is_needed_is_told_what_to_pass():
                 use(env)
     with pytest.raises(ValueError, match=r"lists no transitions .*; build a TabularMDP"):
         from_gymnasium(pole, 0.9)
+    with pytest.raises(ValueError, match=r"env is 'FrozenLake-v1', but .* gymnasium.make"):
+        from_gymnasium("FrozenLake-v1", 0.9)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"take the one that it holds, env\.unwrapped\.mdp"):
         from_gymnasium(gymnasium.make("thesis/Triangle-v0"), 0.9)

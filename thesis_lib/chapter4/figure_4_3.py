@@ -6,6 +6,9 @@ and 4.1), as :meth:`~thesis_lib.chapter4.runs.SolvedDomain.potential` computes i
 
 .. math:: \Phi(x) = \frac{\sum_{x' \in y} \sum_i p(x'|c_i)\, Q_{c_i}(x')}
                          {\sum_{x' \in y} \sum_i p(x'|c_i)}, \qquad x \in y .
+
+How often and when a method is measured is in :class:`~thesis_lib.chapter4.protocol.Protocol`, which
+other domains share; ``thesis run figure-4.3 --help`` lists it.
 """
 
 from __future__ import annotations

@@ -4,6 +4,9 @@ An entry is the mean over S runs and K iterations of the mean return of an itera
 
 .. math:: \bar R = \frac{1}{S K} \sum_{s=1}^{S} \sum_{k=1}^{K} \bar R_{s,k} .
 
+The mean over a run's iterations is taken by ``runs.Runs.learning`` and that over runs by
+``cell_table.beside``; which runs are read says the ``Config`` of ``contrasts``.
+
 ``leads(claim, "learning", "all", firsts, seconds)`` judges a claim by whether each of some nets is
 ahead of each of others, over runs and after Holm; ``both`` asks the printed table and our runs, of
 each the ``rows`` that the claim rests on, and the claim is as good as the weaker.

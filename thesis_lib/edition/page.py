@@ -54,6 +54,14 @@ RESULTS_VARIABLE = "THESIS_RESULTS"
 _NUMBERS = re.compile(r"[-−+±\d.,()%/–→ ]{1,16}")
 _FREQUENCY = re.compile(r"\((\d+) of (\d+)")
 
+#: Markdown of cells and captions, and what it is in HTML.
+_MARKDOWN = (
+    (r"\\\|", "|"),
+    (r"\{[a-z:]+\}`([^`]+)`", r"\1"),
+    (r"`([^`]+)`", r"<code>\1</code>"),
+    (r"\*\*(.+?)\*\*", r"<strong>\1</strong>"),
+)
+
 _THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 _BANNERS = {
@@ -138,9 +146,31 @@ def table(
     display(
         _Rendered(
             f"::::{{table}} {caption}\n:name: {name}\n{look}\n{body}\n::::\n",
-            cells.style.hide(axis="index").set_caption(caption).to_html(),
+            _html(cells, numeric, caption),
         )
     )
+
+
+def _html(cells: pd.DataFrame, numeric: Sequence[bool], caption: str) -> str:
+    """A table for Jupyter, whose own style would set words to the right as well."""
+    shown = cells.map(_as_html)
+    shown.columns = pd.Index([_as_html(plain(str(column))) for column in cells.columns])
+    sides = ["right" if right else "left" for right in numeric]
+    style = shown.style.hide(axis="index").set_caption(_as_html(caption))
+    style.set_table_styles(
+        [
+            {"selector": f"th.col{i}, td.col{i}", "props": f"text-align: {side}"}
+            for i, side in enumerate(sides)
+        ]
+    )
+    return style.to_html()
+
+
+def _as_html(text: str) -> str:
+    """A cell's or a caption's Markdown as HTML; a reference is shown by its label."""
+    for mark, meant in _MARKDOWN:
+        text = re.sub(mark, meant, text)
+    return text
 
 
 def _folded(evidence: str) -> str:

@@ -171,9 +171,11 @@ def from_gymnasium(
     Raises
     ------
     ValueError
-        When the environment has no such table, or an episode can end in a state from which
-        another goes on: the states of an MDP do one or the other.
+        When this is no environment or has no such table, or an episode can end in a state from
+        which another goes on: the states of an MDP do one or the other.
     """
+    if not isinstance(env, gymnasium.Env):
+        raise ValueError(f"env is {env!r}, but an environment is needed: gymnasium.make(...).")
     inner = env.unwrapped
     listed, start = getattr(inner, "P", None), getattr(inner, "initial_state_distrib", None)
     if listed is None or start is None:
