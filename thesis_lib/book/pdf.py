@@ -1,7 +1,8 @@
 """The built book as one PDF: each page printed by headless Chromium, joined with bookmarks.
 
 ``python -m thesis_lib.book.pdf`` prints ``_build/html`` to ``_build/book.pdf``.  Links between
-pages lead to their places in the PDF; a film is its still and a chart its picture.
+pages lead to their places in the PDF; a film is its still and a chart its picture.  Bookmarks lead
+to the pages, those of a section below its chapter's, and to their headings.
 """
 
 from __future__ import annotations
@@ -22,6 +23,12 @@ from thesis_lib.files import replacing
 Place: TypeAlias = tuple[int, float | None]
 """A sheet, and how high on it in points; None for the whole of it."""
 
+LIMIT = 30
+"""What the file may weigh, in MB, so that it can be sent by mail."""
+
+SHEET = 850
+"""Width of what a sheet holds, in pixels of the page: A4 less two margins, at the scale of 0.8."""
+
 READY = """async () => {
   const folded = 'details.sd-dropdown, table details';
   document.querySelectorAll(folded).forEach((e) => { e.open = true; });
@@ -32,6 +39,24 @@ READY = """async () => {
   await Promise.all([...document.fonts].map((font) => font.load().catch(() => {})));
 }"""
 """What to wait for before a page is printed."""
+
+FIT = """() => {
+  const boxes = 'article .pst-scrollable-table-container, article .cell_output, article div.math';
+  for (const box of document.querySelectorAll(boxes)) {
+    const share = box.clientWidth / box.scrollWidth;
+    if (share < 1) for (const wide of box.querySelectorAll('table, mjx-container')) {
+      wide.style.zoom = 0.99 * share;
+    }
+  }
+}"""
+"""Make small what is wider than a sheet."""
+
+HEADINGS = """() => [...document.querySelectorAll('section[id] > h2')].map((heading) => {
+  const words = heading.cloneNode(true);
+  words.querySelectorAll('a.headerlink').forEach((e) => e.remove());
+  return [heading.parentElement.id, words.textContent.trim()];
+})"""
+"""Sections of a page: their ids and headings."""
 
 
 TARGETS = """(names) => {
@@ -54,12 +79,26 @@ def contents(toc: str) -> list[str]:
     return re.findall(r"^\s*(?:- )?(?:root|file): (\S+)", toc, flags=re.MULTILINE)
 
 
+def chapters(toc: str) -> dict[str, str]:
+    """The chapter of each page that ``_toc.yml`` lists below one."""
+    above: list[tuple[int, str]] = []
+    below = dict[str, str]()
+    for space, name in re.findall(r"^( *)- file: (\S+)", toc, flags=re.MULTILINE):
+        above = [entry for entry in above if entry[0] < len(space)]
+        if above:
+            below[name] = above[-1][1]
+        above.append((len(space), name))
+    return below
+
+
 def chromium() -> str | None:
     """Where this machine has a Chromium, if it has one."""
     return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
 
 
-def make_pdf(html: Path, names: Sequence[str], target: Path) -> int:
+def make_pdf(
+    html: Path, names: Sequence[str], target: Path, below: Mapping[str, str] | None = None
+) -> int:
     """Print pages into one file; returns how many sheets it has.
 
     Parameters
@@ -70,6 +109,8 @@ def make_pdf(html: Path, names: Sequence[str], target: Path) -> int:
         Its pages, such as ``book/intro``, in order.
     target
         The file.
+    below
+        The chapters of those pages whose bookmarks stand below another's.
 
     Raises
     ------
@@ -87,16 +128,26 @@ def make_pdf(html: Path, names: Sequence[str], target: Path) -> int:
     if (found := chromium()) is None:
         raise FileNotFoundError("there is no chromium: install it (Debian: apt install chromium).")
     writer, places = PdfWriter(), dict[str, dict[str, Place]]()
+    titles, headings = dict[str, str](), dict[str, list[tuple[str, str]]]()
     root, wanted = html.resolve().as_uri(), linked(html, names)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        page = browser.new_page(color_scheme="light", reduced_motion="reduce")
+        page = browser.new_page(
+            color_scheme="light",
+            reduced_motion="reduce",
+            viewport={"width": SHEET, "height": 1200},
+        )
+        page.emulate_media(media="print")
+        page.set_default_timeout(300_000)  # ms; a busy machine takes more than the usual 30 s
         for name in names:
             # On a slow machine the network can be idle before the page is read to its end.
             page.goto((html / f"{name}.html").resolve().as_uri(), wait_until="load")
             page.wait_for_load_state("networkidle")
             page.evaluate(READY)
-            page.evaluate(TARGETS, sorted(wanted[name]))
+            page.evaluate(FIT)
+            titles[name] = page.title().partition(" — ")[0]
+            headings[name] = page.evaluate(HEADINGS)
+            page.evaluate(TARGETS, sorted(wanted[name].union(place for place, _ in headings[name])))
             margin: PdfMargins = {"top": "15mm", "bottom": "15mm", "left": "15mm", "right": "15mm"}
             sheets = PdfReader(io.BytesIO(page.pdf(format="A4", scale=0.8, margin=margin)))
             _by_address(sheets, f"{root}/{name}.html")
@@ -105,9 +156,10 @@ def make_pdf(html: Path, names: Sequence[str], target: Path) -> int:
             for place, at in sheets.named_destinations.items():
                 number = start + (sheets.get_destination_page_number(at) or 0)
                 places[name][place.removeprefix("/")] = number, float(at.top or 0)
-            writer.append(sheets, outline_item=page.title().partition(" — ")[0])
+            writer.append(sheets, import_outline=False)
         browser.close()
     _link(writer, root, places)
+    _bookmarks(writer, titles, headings, places, below or {})
     writer.compress_identical_objects()
     with replacing(target) as temporary, temporary.open("wb") as file:
         writer.write(file)
@@ -169,12 +221,52 @@ def _link(writer: Any, root: str, places: Mapping[str, Mapping[str, Place]]) -> 
             )
 
 
+def _bookmarks(
+    writer: Any,
+    titles: Mapping[str, str],
+    headings: Mapping[str, Sequence[tuple[str, str]]],
+    places: Mapping[str, Mapping[str, Place]],
+    below: Mapping[str, str],
+) -> None:
+    """Bookmarks of pages and their headings; a reader shows them when the file opens."""
+    from pypdf.generic import Fit
+
+    marks = dict[str, Any]()
+    for name, title in titles.items():
+        above = marks.get(below.get(name, ""))
+        marks[name] = writer.add_outline_item(
+            title=title, page_number=places[name][""][0], parent=above, is_open=False
+        )
+        for place, words in headings[name]:
+            number, top = places[name].get(place, places[name][""])
+            fit = Fit.fit() if top is None else Fit.xyz(top=top)
+            writer.add_outline_item(title=words, page_number=number, parent=marks[name], fit=fit)
+    writer.page_mode = "/UseOutlines"
+    writer.add_metadata({"/Title": next(iter(titles.values()))})
+
+
+def told(out: Path, sheets: int) -> str:
+    """What was made, in a sentence.
+
+    Raises
+    ------
+    ValueError
+        If it weighs more than `LIMIT`.
+    """
+    size = out.stat().st_size / 1e6
+    if size > LIMIT:
+        raise ValueError(
+            f"{out} weighs {size:.1f} MB, more than the {LIMIT} MB it may: make its heaviest "
+            "figures smaller (`pdfimages -list` tells which), or raise the limit in pdf.py."
+        )
+    return f"{out}: {sheets} sheets, {size:.1f} MB"
+
+
 if __name__ == "__main__":
     paths = Paths.of("book")
     out = paths.build / "book.pdf"
     toc = (paths.root / "_toc.yml").read_text(encoding="utf-8")
     try:
-        sheets = make_pdf(paths.html, contents(toc), out)
-    except FileNotFoundError as error:
+        print(told(out, make_pdf(paths.html, contents(toc), out, chapters(toc))))
+    except (FileNotFoundError, ValueError) as error:
         sys.exit(str(error))
-    print(f"{out}: {sheets} sheets, {out.stat().st_size / 1e6:.1f} MB")
