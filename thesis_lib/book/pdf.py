@@ -29,50 +29,6 @@ LIMIT = 30
 SHEET = 850
 """Width of what a sheet holds, in pixels of the page: A4 less two margins, at the scale of 0.8."""
 
-READY = """async () => {
-  const folded = 'details.sd-dropdown, table details';
-  document.querySelectorAll(folded).forEach((e) => { e.open = true; });
-  document.querySelectorAll('img[loading=lazy]').forEach((e) => { e.loading = 'eager'; });
-  const loaded = (e) => e.complete || new Promise((done) => { e.onload = e.onerror = done; });
-  await Promise.all([...document.images].map(loaded));
-  if (window.MathJax?.startup?.promise) await window.MathJax.startup.promise;
-  await Promise.all([...document.fonts].map((font) => font.load().catch(() => {})));
-}"""
-"""What to wait for before a page is printed."""
-
-FIT = """() => {
-  const boxes = 'article .pst-scrollable-table-container, article .cell_output, article div.math';
-  for (const box of document.querySelectorAll(boxes)) {
-    const share = box.clientWidth / box.scrollWidth;
-    if (share < 1) for (const wide of box.querySelectorAll('table, mjx-container')) {
-      wide.style.zoom = 0.99 * share;
-    }
-  }
-}"""
-"""Make small what is wider than a sheet."""
-
-HEADINGS = """() => [...document.querySelectorAll('section[id] > h2')].map((heading) => {
-  const words = heading.cloneNode(true);
-  words.querySelectorAll('a.headerlink').forEach((e) => e.remove());
-  return [heading.parentElement.id, words.textContent.trim()];
-})"""
-"""Sections of a page: their ids and headings."""
-
-
-TARGETS = """(names) => {
-  const targets = document.createElement('div');
-  targets.style.cssText = 'position: absolute; bottom: 0; left: 0; font-size: 1px';
-  for (const name of names.filter((n) => document.getElementById(n))) {
-    const link = document.createElement('a');
-    link.href = '#' + name;
-    link.textContent = '.';
-    link.style.cssText = 'color: transparent; text-decoration: none';
-    targets.append(link);
-  }
-  document.body.append(targets);
-}"""
-"""Chromium tells where a place of a page is printed if the page itself links to it."""
-
 
 def contents(toc: str) -> list[str]:
     """Names of the pages in the order of ``_toc.yml``."""
@@ -132,22 +88,16 @@ def make_pdf(
     root, wanted = html.resolve().as_uri(), linked(html, names)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        page = browser.new_page(
-            color_scheme="light",
-            reduced_motion="reduce",
-            viewport={"width": SHEET, "height": 1200},
-        )
-        page.emulate_media(media="print")
+        page = browser.new_page(viewport={"width": SHEET, "height": 1200})
+        page.emulate_media(media="print", color_scheme="light", reduced_motion="reduce")
+        page.add_init_script(path=Path(__file__).with_suffix(".js"))
         page.set_default_timeout(300_000)  # ms; a busy machine takes more than the usual 30 s
         for name in names:
             # On a slow machine the network can be idle before the page is read to its end.
             page.goto((html / f"{name}.html").resolve().as_uri(), wait_until="load")
             page.wait_for_load_state("networkidle")
-            page.evaluate(READY)
-            page.evaluate(FIT)
             titles[name] = page.title().partition(" — ")[0]
-            headings[name] = page.evaluate(HEADINGS)
-            page.evaluate(TARGETS, sorted(wanted[name].union(place for place, _ in headings[name])))
+            headings[name] = page.evaluate("(at) => prepareForPrint(at)", sorted(wanted[name]))
             margin: PdfMargins = {"top": "15mm", "bottom": "15mm", "left": "15mm", "right": "15mm"}
             sheets = PdfReader(io.BytesIO(page.pdf(format="A4", scale=0.8, margin=margin)))
             _by_address(sheets, f"{root}/{name}.html")
