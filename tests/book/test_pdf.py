@@ -13,7 +13,7 @@ PRINTED = """<!DOCTYPE html><html lang="en"><head><title>One</title>
 <link rel="stylesheet" href="{0}"><style>div.admonition {{ box-shadow: 0 0 9px #000 }}</style>
 </head><body><main class="bd-main"><div class="bd-content"><article class="bd-article">
 <section id="first"><h2>First<a class="headerlink" href="#first">#</a></h2>
-<div class="admonition">In a box</div>
+<div class="admonition">In a box <a href="picture.svg">with a picture</a></div>
 <div class="pst-scrollable-table-container"><table class="table"><tbody><tr>{1}</tr></tbody></table>
 </div></section></article></div></main></body></html>
 """
@@ -84,6 +84,7 @@ def test_a_wide_table_fits_a_shadow_is_no_picture_and_headings_are_bookmarks(
     last = next(x for text, x in at.items() if text.endswith("column_13_as_long"))
     assert last < 595 - 42.5 - 20
     assert not book.pages[0].images
+    assert "file:" not in str([note.get_object() for note in book.pages[0]["/Annots"]])
     titles = [mark if isinstance(mark, list) else mark.title for mark in book.outline]
     one, (first, two, (last_one,)) = titles[0], titles[1]
     assert (one, first.title, two.title, last_one.title) == ("One", "First", "One", "First")

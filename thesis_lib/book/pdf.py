@@ -145,30 +145,35 @@ def _by_address(sheets: Any, address: str) -> None:
 
 
 def _link(writer: Any, root: str, places: Mapping[str, Mapping[str, Place]]) -> None:
-    """Turn links to files of the book into links to its sheets, at the place they name."""
+    """Turn links to files of the book into links to its sheets, at the place they name.
+
+    Those to other files, such as pictures, would lead nowhere on another machine.
+    """
     from pypdf.generic import ArrayObject, DictionaryObject, FloatObject, NameObject, NullObject
 
     for sheet in writer.pages:
+        kept = ArrayObject()
         for reference in sheet.get("/Annots", ()):
-            action = reference.get_object().get("/A", {})
-            address = str(action.get("/URI", ""))
+            address = str(reference.get_object().get("/A", {}).get("/URI", ""))
             name, _, place = address.removeprefix(f"{root}/").partition("#")
             name = name.removesuffix(".html")
-            if not address.startswith(root) or name not in places:
-                continue
-            number, top = places[name].get(unquote(place), places[name][""])
-            at = writer.pages[number].indirect_reference
-            where = (
-                [NameObject("/Fit")]
-                if top is None
-                else [NameObject("/XYZ"), NullObject(), FloatObject(top), NullObject()]
-            )
-            reference.get_object()[NameObject("/A")] = DictionaryObject(
-                {
-                    NameObject("/S"): NameObject("/GoTo"),
-                    NameObject("/D"): ArrayObject([at, *where]),
-                }
-            )
+            if name in places:
+                number, top = places[name].get(unquote(place), places[name][""])
+                at = writer.pages[number].indirect_reference
+                where = (
+                    [NameObject("/Fit")]
+                    if top is None
+                    else [NameObject("/XYZ"), NullObject(), FloatObject(top), NullObject()]
+                )
+                reference.get_object()[NameObject("/A")] = DictionaryObject(
+                    {
+                        NameObject("/S"): NameObject("/GoTo"),
+                        NameObject("/D"): ArrayObject([at, *where]),
+                    }
+                )
+            if name in places or not address.startswith("file:"):
+                kept.append(reference)
+        sheet[NameObject("/Annots")] = kept
 
 
 def _bookmarks(
