@@ -1,8 +1,10 @@
 """The examples in docstrings, which the reference shows, do what they say."""
 
+import ast
 import doctest
 import importlib
 import inspect
+import re
 from pathlib import Path
 
 import pytest
@@ -38,3 +40,14 @@ def test_examples_of_a_module(name: str) -> None:
 @pytest.mark.parametrize("name", MOST_USED)
 def test_what_is_used_most_has_an_example(name: str) -> None:
     assert ">>> " in (inspect.getdoc(find(f"thesis_lib.{name}")) or "")
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_examples_are_no_part_of_the_section_before(name: str) -> None:
+    """The reference would print them as parameters."""
+    text = inspect.getsource(importlib.import_module(name))
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef | ast.Module):
+            before, mark, _ = (ast.get_docstring(node) or "").partition(">>> ")
+            sections = re.findall(r"^(\w+)\n-{3,}$", before, flags=re.MULTILINE)
+            assert not mark or sections[-1:] in ([], ["Examples"]), getattr(node, "name", name)

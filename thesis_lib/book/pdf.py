@@ -1,7 +1,8 @@
 """The built book as one PDF: each page printed by headless Chromium, joined with bookmarks.
 
 ``python -m thesis_lib.book.pdf`` prints ``_build/html`` to ``_build/book.pdf``.  Links between
-pages lead to their places in the PDF; a film is its still and a chart its picture.
+pages lead to their places in the PDF; a film is its still and a chart its picture.  Bookmarks lead
+to the pages, those of a section below its chapter's, and to their headings.
 """
 
 from __future__ import annotations
@@ -22,31 +23,11 @@ from thesis_lib.files import replacing
 Place: TypeAlias = tuple[int, float | None]
 """A sheet, and how high on it in points; None for the whole of it."""
 
-READY = """async () => {
-  const folded = 'details.sd-dropdown, table details';
-  document.querySelectorAll(folded).forEach((e) => { e.open = true; });
-  document.querySelectorAll('img[loading=lazy]').forEach((e) => { e.loading = 'eager'; });
-  const loaded = (e) => e.complete || new Promise((done) => { e.onload = e.onerror = done; });
-  await Promise.all([...document.images].map(loaded));
-  if (window.MathJax?.startup?.promise) await window.MathJax.startup.promise;
-  await Promise.all([...document.fonts].map((font) => font.load().catch(() => {})));
-}"""
-"""What to wait for before a page is printed."""
+LIMIT = 30
+"""What the file may weigh, in MB, so that it can be sent by mail."""
 
-
-TARGETS = """(names) => {
-  const targets = document.createElement('div');
-  targets.style.cssText = 'position: absolute; bottom: 0; left: 0; font-size: 1px';
-  for (const name of names.filter((n) => document.getElementById(n))) {
-    const link = document.createElement('a');
-    link.href = '#' + name;
-    link.textContent = '.';
-    link.style.cssText = 'color: transparent; text-decoration: none';
-    targets.append(link);
-  }
-  document.body.append(targets);
-}"""
-"""Chromium tells where a place of a page is printed if the page itself links to it."""
+SHEET = 850
+"""Width of what a sheet holds, in pixels of the page: A4 less two margins, at the scale of 0.8."""
 
 
 def contents(toc: str) -> list[str]:
@@ -54,12 +35,26 @@ def contents(toc: str) -> list[str]:
     return re.findall(r"^\s*(?:- )?(?:root|file): (\S+)", toc, flags=re.MULTILINE)
 
 
+def chapters(toc: str) -> dict[str, str]:
+    """The chapter of each page that ``_toc.yml`` lists below one."""
+    above: list[tuple[int, str]] = []
+    below = dict[str, str]()
+    for space, name in re.findall(r"^( *)- file: (\S+)", toc, flags=re.MULTILINE):
+        above = [entry for entry in above if entry[0] < len(space)]
+        if above:
+            below[name] = above[-1][1]
+        above.append((len(space), name))
+    return below
+
+
 def chromium() -> str | None:
     """Where this machine has a Chromium, if it has one."""
     return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
 
 
-def make_pdf(html: Path, names: Sequence[str], target: Path) -> int:
+def make_pdf(
+    html: Path, names: Sequence[str], target: Path, below: Mapping[str, str] | None = None
+) -> int:
     """Print pages into one file; returns how many sheets it has.
 
     Parameters
@@ -70,6 +65,8 @@ def make_pdf(html: Path, names: Sequence[str], target: Path) -> int:
         Its pages, such as ``book/intro``, in order.
     target
         The file.
+    below
+        The chapters of those pages whose bookmarks stand below another's.
 
     Raises
     ------
@@ -87,16 +84,20 @@ def make_pdf(html: Path, names: Sequence[str], target: Path) -> int:
     if (found := chromium()) is None:
         raise FileNotFoundError("there is no chromium: install it (Debian: apt install chromium).")
     writer, places = PdfWriter(), dict[str, dict[str, Place]]()
+    titles, headings = dict[str, str](), dict[str, list[tuple[str, str]]]()
     root, wanted = html.resolve().as_uri(), linked(html, names)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        page = browser.new_page(color_scheme="light", reduced_motion="reduce")
+        page = browser.new_page(viewport={"width": SHEET, "height": 1200})
+        page.emulate_media(media="print", color_scheme="light", reduced_motion="reduce")
+        page.add_init_script(path=Path(__file__).with_suffix(".js"))
+        page.set_default_timeout(300_000)  # ms; a busy machine takes more than the usual 30 s
         for name in names:
             # On a slow machine the network can be idle before the page is read to its end.
             page.goto((html / f"{name}.html").resolve().as_uri(), wait_until="load")
             page.wait_for_load_state("networkidle")
-            page.evaluate(READY)
-            page.evaluate(TARGETS, sorted(wanted[name]))
+            titles[name] = page.title().partition(" — ")[0]
+            headings[name] = page.evaluate("(at) => prepareForPrint(at)", sorted(wanted[name]))
             margin: PdfMargins = {"top": "15mm", "bottom": "15mm", "left": "15mm", "right": "15mm"}
             sheets = PdfReader(io.BytesIO(page.pdf(format="A4", scale=0.8, margin=margin)))
             _by_address(sheets, f"{root}/{name}.html")
@@ -105,9 +106,10 @@ def make_pdf(html: Path, names: Sequence[str], target: Path) -> int:
             for place, at in sheets.named_destinations.items():
                 number = start + (sheets.get_destination_page_number(at) or 0)
                 places[name][place.removeprefix("/")] = number, float(at.top or 0)
-            writer.append(sheets, outline_item=page.title().partition(" — ")[0])
+            writer.append(sheets, import_outline=False)
         browser.close()
     _link(writer, root, places)
+    _bookmarks(writer, titles, headings, places, below or {})
     writer.compress_identical_objects()
     with replacing(target) as temporary, temporary.open("wb") as file:
         writer.write(file)
@@ -143,30 +145,76 @@ def _by_address(sheets: Any, address: str) -> None:
 
 
 def _link(writer: Any, root: str, places: Mapping[str, Mapping[str, Place]]) -> None:
-    """Turn links to files of the book into links to its sheets, at the place they name."""
+    """Turn links to files of the book into links to its sheets, at the place they name.
+
+    Those to other files, such as pictures, would lead nowhere on another machine.
+    """
     from pypdf.generic import ArrayObject, DictionaryObject, FloatObject, NameObject, NullObject
 
     for sheet in writer.pages:
+        kept = ArrayObject()
         for reference in sheet.get("/Annots", ()):
-            action = reference.get_object().get("/A", {})
-            address = str(action.get("/URI", ""))
+            address = str(reference.get_object().get("/A", {}).get("/URI", ""))
             name, _, place = address.removeprefix(f"{root}/").partition("#")
             name = name.removesuffix(".html")
-            if not address.startswith(root) or name not in places:
-                continue
-            number, top = places[name].get(unquote(place), places[name][""])
-            at = writer.pages[number].indirect_reference
-            where = (
-                [NameObject("/Fit")]
-                if top is None
-                else [NameObject("/XYZ"), NullObject(), FloatObject(top), NullObject()]
-            )
-            reference.get_object()[NameObject("/A")] = DictionaryObject(
-                {
-                    NameObject("/S"): NameObject("/GoTo"),
-                    NameObject("/D"): ArrayObject([at, *where]),
-                }
-            )
+            if name in places:
+                number, top = places[name].get(unquote(place), places[name][""])
+                at = writer.pages[number].indirect_reference
+                where = (
+                    [NameObject("/Fit")]
+                    if top is None
+                    else [NameObject("/XYZ"), NullObject(), FloatObject(top), NullObject()]
+                )
+                reference.get_object()[NameObject("/A")] = DictionaryObject(
+                    {
+                        NameObject("/S"): NameObject("/GoTo"),
+                        NameObject("/D"): ArrayObject([at, *where]),
+                    }
+                )
+            if name in places or not address.startswith("file:"):
+                kept.append(reference)
+        sheet[NameObject("/Annots")] = kept
+
+
+def _bookmarks(
+    writer: Any,
+    titles: Mapping[str, str],
+    headings: Mapping[str, Sequence[tuple[str, str]]],
+    places: Mapping[str, Mapping[str, Place]],
+    below: Mapping[str, str],
+) -> None:
+    """Bookmarks of pages and their headings; a reader shows them when the file opens."""
+    from pypdf.generic import Fit
+
+    marks = dict[str, Any]()
+    for name, title in titles.items():
+        above = marks.get(below.get(name, ""))
+        marks[name] = writer.add_outline_item(
+            title=title, page_number=places[name][""][0], parent=above, is_open=False
+        )
+        for place, words in headings[name]:
+            number, top = places[name].get(place, places[name][""])
+            fit = Fit.fit() if top is None else Fit.xyz(top=top)
+            writer.add_outline_item(title=words, page_number=number, parent=marks[name], fit=fit)
+    writer.page_mode = "/UseOutlines"
+    writer.add_metadata({"/Title": next(iter(titles.values()))})
+
+
+def told(out: Path, sheets: int) -> str:
+    """What was made, in a sentence.
+
+    Raises
+    ------
+    ValueError
+        If it weighs more than `LIMIT`.
+    """
+    size = out.stat().st_size / 1e6
+    if size > LIMIT:
+        raise ValueError(
+            f"{out} weighs {size:.1f} MB, more than the {LIMIT} MB it may: make its heaviest "
+            "figures smaller (`pdfimages -list` tells which), or raise the limit in pdf.py."
+        )
+    return f"{out}: {sheets} sheets, {size:.1f} MB"
 
 
 if __name__ == "__main__":
@@ -174,7 +222,6 @@ if __name__ == "__main__":
     out = paths.build / "book.pdf"
     toc = (paths.root / "_toc.yml").read_text(encoding="utf-8")
     try:
-        sheets = make_pdf(paths.html, contents(toc), out)
-    except FileNotFoundError as error:
+        print(told(out, make_pdf(paths.html, contents(toc), out, chapters(toc))))
+    except (FileNotFoundError, ValueError) as error:
         sys.exit(str(error))
-    print(f"{out}: {sheets} sheets, {out.stat().st_size / 1e6:.1f} MB")

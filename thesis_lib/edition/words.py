@@ -154,6 +154,8 @@ def parted(text: str, numbers: int = 8, *, sentences: bool = False) -> tuple[str
     sentences
         Whether all after the first sentence is rest.
 
+    Examples
+    --------
     >>> parted("It is 3 of 4. So it is.")
     ('It is 3 of 4. So it is.', '')
     >>> parted("It is 3 of 4. So it is.", sentences=True)
