@@ -6,6 +6,7 @@ from typing import Any
 
 import gymnasium
 import pandas as pd
+import pytest
 
 from thesis_lib.book.environments import environments_markdown
 from thesis_lib.book.execution import Run
@@ -128,9 +129,19 @@ def test_every_environment_is_listed_with_its_spaces() -> None:
     assert (
         "| `thesis/Hopper-v0` | Hopper of section 5.1, ground: flat | 20 reals | 3 reals in" in text
     )
+    assert "reals in [\N{MINUS SIGN}1, 1] |" in text
+    assert "| one of 4 | one of 3 |" in text  # three states and a goal; left, right and up
     # a place in the area of side 10, an angle, and heat
-    assert re.search(r"thesis/Heat-v0` .* 4 reals in \[0, 10\], \[0, 6.28319\], \[0, 1\] ", text)
+    assert re.search(
+        r"thesis/Heat-v0` .* 4 reals in \[0, 10\], \[0, 10\], \[0, 2π\], \[0, 1\] ", text
+    )
     assert "thesis/HopperHill-v0` | Hopper of section 5.1, ground: hills of difficulty 0.5" in text
     listed = re.findall(r"^\| `(\S+)`", text, flags=re.MULTILINE)
     own = [name for name in gymnasium.registry if name.startswith("thesis/")]
     assert sorted(listed) == sorted(own)
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "book").rglob("[!_]*.md")), ids=lambda p: p.stem)
+def test_no_heading_is_a_link_alone(page: Path) -> None:
+    """The list of a page's sections leaves links out, so that such a one would have no name."""
+    assert not re.search(r"^#+ +\[[^]]*\]\([^)]*\) *$", page.read_text(), flags=re.MULTILINE)

@@ -99,7 +99,7 @@ def test_map_tells_run_and_verdict() -> None:
     page = items_markdown([item], judged)
     assert "## Equations" in page
     assert (
-        "| equation\u00a03.2 | sweeps | {eq}`eq-ch3-bound`, [](#sec-theorem-1) "
+        "| equation 3.2 | sweeps | {eq}`eq-ch3-bound`, [](#sec-theorem-1) "
         "| run here, `thesis run theorem-1`; claim reproduced |"
     ) in page
 

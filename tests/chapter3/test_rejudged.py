@@ -229,6 +229,19 @@ def test_values_on_the_side_are_judged_by_their_spread_over_sources() -> None:
     assert judge(worse.assign(**spread)).verdict is Verdict.INCONCLUSIVE
 
 
+def test_the_worth_of_values_on_the_side_by_hand() -> None:
+    """80 after the longest training against 100: a fifth less, give or take hypot(3, 4) = 5."""
+    row = {"domain": "stock", "potential": "Q_tilde", "mean_return": 80.0, "ci95": 3.0}
+    row |= {"exact_mean": 100.0, "exact_ci95": 4.0}
+    rows = [row | {"steps": 10, "mean_return": 10.0}, row | {"steps": 1000}]
+    rows += [row | {"steps": 1000, "potential": "Q_star", "mean_return": 0.0}]
+    found = two_values.worth(pd.DataFrame(rows)).iloc[0]
+    assert found[["gain", "low", "high"]].tolist() == pytest.approx([-0.2, -0.25, -0.15])
+    assert found.told == "stock (−20%, 95% interval −25% to −15%)"
+    costs = pd.DataFrame([row | {"steps": 1, "mean_return": -120.0, "exact_mean": -100.0}])
+    assert two_values.worth(costs).gain.iloc[0] == pytest.approx(-0.2)  # dearer is worse
+
+
 def test_the_threshold_of_huddling_can_fail() -> None:
     table = pd.DataFrame({"discount": [0.9, 0.95], "threshold": [0.04, 0.06]})
     assert huddle.huddle_threshold(table).verdict is Verdict.REPRODUCED

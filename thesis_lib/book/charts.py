@@ -183,7 +183,7 @@ def paths() -> alt.Chart:
         size=9, dx=-11, dy=-11
     )
     headings = place.transform_filter("isValid(datum.heading)").mark_text(
-        align="left", dx=-16, dy=10
+        align="left", dx=-16, dy=6
     )
     arrows = place.transform_filter("isValid(datum.move) && datum.doubled == doubled")
     return (
@@ -246,6 +246,7 @@ def learning() -> alt.Chart:
             color=alt.Color(
                 "architecture:N",
                 title="network",
+                legend=alt.Legend(columns=2),  # three are too wide for a phone
                 scale=alt.Scale(  # as in figure 5.3
                     domain=[*NETS, *EXTRA_NETS], range=[*COLOURS, "#777777"]
                 ),

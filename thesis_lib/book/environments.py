@@ -6,6 +6,7 @@ import inspect
 import re
 
 import gymnasium
+import numpy as np
 from gymnasium.spaces import Box, Discrete, Space
 
 import thesis_lib  # noqa: F401  (registers them)
@@ -52,13 +53,20 @@ def _words(env_id: str) -> str:
     return re.sub(r":math:`([^`]*)`", r"$\1$", first).replace("|", r"\|")
 
 
+def _end(high: float) -> str:
+    """The end of an interval; a full turn by its name."""
+    return "2π" if np.isclose(high, 2 * np.pi) else f"{high:g}"
+
+
 def _told(space: Space) -> str:
     """A space in a few characters."""
     if isinstance(space, Discrete):
-        return f"{space.n} numbers"
+        return f"one of {space.n}"
     assert isinstance(space, Box), space
     ends = ""
     if abs(space.high).max() <= 1e3:
-        pairs = dict.fromkeys(zip(space.low.tolist(), space.high.tolist(), strict=True))
-        ends = f" in {', '.join(f'[{low:g}, {high:g}]' for low, high in pairs)}"
+        pairs = [*zip(space.low.tolist(), space.high.tolist(), strict=True)]
+        told = [f"[{low:g}, {_end(high)}]" for low, high in pairs]
+        ends = " in " + (told[0] if len(set(told)) == 1 else ", ".join(told))
+        ends = ends.replace("-", "\N{MINUS SIGN}")
     return f"{space.shape[0]} reals{ends}"

@@ -101,7 +101,7 @@ def items_markdown(items: Iterable[Item], judged: Iterable[Judgement]) -> str:
             if item.claim:
                 state.append(f"claim {verdicts[item.claim]}")
             lines.append(
-                f"| {item.kind}\u00a0{item.number} | {item.about} "
+                f"| {item.kind} {item.number} | {item.about} "
                 f"| {', '.join(map(link, item.labels))} | {'; '.join(filter(None, state))} |"
             )
         lines.append("")

@@ -188,6 +188,26 @@ def _returns(side: pd.DataFrame) -> list[Pair]:
     return pairs
 
 
+def worth(table: pd.DataFrame) -> pd.DataFrame:
+    """What Q~ learned on the side earns, relative to the exact one, after the longest training.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row a domain: ``domain``, ``gain`` as a share of the exact one's return, ``low`` and
+        ``high`` of its 95% interval, and ``told`` in words.
+    """
+    side = table[(table.potential == "Q_tilde") & (table.steps == table.steps.max())]
+    gain = (side.mean_return - side.exact_mean) / side.exact_mean.abs()
+    half = np.hypot(side.ci95, side.exact_ci95) / side.exact_mean.abs()
+    ends = zip(side.domain, gain, gain - half, gain + half, strict=True)
+    told = [f"{name} ({g:+.0%}, 95% interval {a:+.0%} to {b:+.0%})" for name, g, a, b in ends]
+    told = [words.replace("-", "\N{MINUS SIGN}") for words in told]
+    return pd.DataFrame(
+        {"domain": side.domain, "gain": gain, "low": gain - half, "high": gain + half, "told": told}
+    )
+
+
 def figure(table: pd.DataFrame) -> Figure:
     """Error of the potentials learned on the side, and the return they give."""
     domains = list(dict.fromkeys(table.domain))

@@ -162,7 +162,7 @@ def draw_cliff(
                 continue
             if cell in (layout.start, layout.goal):
                 letter = "S" if cell == layout.start else "G"
-                ax.text(x + 0.12, y + 0.83, letter, ha="center", va="center", weight="bold")
+                ax.text(x + 0.06, y + 0.94, letter, ha="left", va="top", weight="bold")
             if values is not None and cell != layout.goal:
                 number = f"{np.asarray(values)[s]:.3g}".replace("-", "\N{MINUS SIGN}")
                 ax.text(x + 0.94, y + 0.07, number, ha="right", va="bottom", fontsize=8)
