@@ -135,7 +135,7 @@ def reading(table: pd.DataFrame) -> str:
         for ratio in dict.fromkeys([*places, share.index.max()])
     ]
     return (
-        "Of the networks such a mode have, under Euler's method and under Heun's, with all time "
+        "Networks with such a mode, under Euler's method and under Heun's: with all time "
         f"constants {'; '.join(parts)}."
     )
 
