@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -402,8 +403,9 @@ def draw(table: pd.DataFrame) -> Figure:
     fig, ax = plt.subplots()
     for arm, own in table.groupby("arm", sort=False):
         net, _, changed = str(arm).partition(", ")
-        look = {"color": STYLES[net.lower()][0], "ls": ":" if changed else "-"}
-        look["mfc"] = "white" if changed else look["color"]
+        colour, _ = STYLES[net.lower()]
+        look: dict[str, Any] = {"color": colour, "ls": ":" if changed else "-"}
+        look["mfc"] = "white" if changed else colour
         at = own.groupby("correlation").retained
         mean, error = at.mean(), at.sem()
         ax.errorbar(mean.index, mean, 2 * error, marker="o", label=arm, **look)
