@@ -55,10 +55,10 @@ def test_a_net_that_is_ahead_everywhere_is_ahead(summed):
 
 def test_aggregates_are_shown_and_told(summed):
     one = aggregates.shown(summed, "learning")
-    assert one.columns.tolist() == ["net", "IQM", "better than another", "leads"]
+    assert one.columns.tolist() == ["net", "IQM", "better than another", "among the best"]
     side = aggregates.across(summed, "better", "noise", "switch")
     assert side.shape == (7, 3)
-    assert "On 10 rows with 5 runs a net" in aggregates.reading(summed, "learning")
+    assert "On 10 rows, with the first 5 runs a net" in aggregates.reading(summed, "learning")
     none = summed.iloc[:0]
     assert aggregates.reading(none, "learning").startswith("No row")
     assert aggregates.across(none, "iqm", "test").test.isna().all()

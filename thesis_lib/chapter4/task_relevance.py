@@ -428,7 +428,7 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
                 "faster by": _factor(small),
                 "with potential": _factor(own.loc["both"]),
                 "lacking": f"{small.hidden:.0%}",
-                "cost there": "–" if np.isnan(small.hidden_gap) else gap,
+                "more there": "–" if np.isnan(small.hidden_gap) else gap,
             }
         )
     return pd.DataFrame(records)

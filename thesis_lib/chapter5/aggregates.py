@@ -173,14 +173,16 @@ def _of_measure(
 
 
 def shown(table: pd.DataFrame, measure: str) -> pd.DataFrame:
-    """One measure: interquartile mean, probability of improvement and rows led, by net."""
+    """One measure: interquartile mean, probability of improvement, rows with none better."""
     own = table[table.measure == measure]
     return pd.DataFrame(
         {
             "net": own.architecture,
             "IQM": _cells(own, "iqm"),
             "better than another": _cells(own, "better"),
-            "leads": [f"{lead} of {rows}" for lead, rows in zip(own.leads, own.rows, strict=True)],
+            "among the best": [
+                f"{lead} of {rows}" for lead, rows in zip(own.leads, own.rows, strict=True)
+            ],
         }
     )
 
@@ -221,6 +223,6 @@ def reading(table: pd.DataFrame, *measures: str) -> str:
         for name, part in own.groupby("measure", sort=False)
     ]
     return (
-        f"On {first.rows} rows with {first.seeds} runs a net, these are more likely than not to "
-        f"improve on another net, by the whole interval ({'; '.join(sure)})."
+        f"On {first.rows} rows, with the first {first.seeds} runs a net, these are more likely "
+        f"than not to improve on another net, by the whole interval ({'; '.join(sure)})."
     )

@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 
 from thesis_lib.chapter5.cells import NETS, ROBOTS, as_published
 from thesis_lib.chapter5.contrasts import Config
+from thesis_lib.chapter5.networks import STYLES
 from thesis_lib.chapter5.runs import CELL, DEFAULT
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.plots import COLOURS
 from thesis_lib.robustness import TRAINED_ON
 from thesis_lib.stats import mean_ci
 
@@ -125,16 +125,18 @@ def draw(table: pd.DataFrame) -> Figure:
         both = table[table.task == robot]
         for ax, ground in zip(row, TRAINED_ON, strict=True):
             cell = both[both.trained_on == ground]
-            for net, colour in zip(NETS, COLOURS, strict=False):
+            for net in NETS:
+                colour, style = STYLES[net.lower()]
                 own = cell[cell.architecture == net]
                 steps = own.iteration * own.batch_steps / 1e6
-                ax.plot(steps, own.mean_return, color=colour, label=net)
+                ax.plot(steps, own.mean_return, style, color=colour, label=net)
                 ax.fill_between(steps, own.low, own.high, color=colour, alpha=0.15, lw=0)
                 ax.plot(
                     [1.02],
                     [own.printed.iloc[0]],
                     "<",
                     color=colour,
+                    mfc=colour if style == "-" else "white",
                     clip_on=False,
                     transform=ax.get_yaxis_transform(),
                 )
@@ -153,6 +155,6 @@ def draw(table: pd.DataFrame) -> Figure:
         loc="outside lower center",
         ncols=7,
         columnspacing=1.0,
-        handlelength=1.2,
+        handlelength=1.6,
     )
     return fig

@@ -13,6 +13,7 @@ from thesis_lib.chapter5 import cells
 from thesis_lib.chapter5.cells import EXTRA_NETS, NETS
 from thesis_lib.chapter5.contrasts import SMOKE, Config
 from thesis_lib.chapter5.judging import Said, both, of_source
+from thesis_lib.chapter5.networks import NAMES
 from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Criterion
@@ -118,7 +119,7 @@ def draw(table: pd.DataFrame) -> Figure:
         own = own.set_index("architecture").reindex(list(ALL_NETS))
         span = np.abs(own[["low", "high"]].sub(own.score, axis=0).to_numpy().T)
         ax.bar(places + shift, own.score, 0.4, yerr=span, color=colour, alpha=0.7, label=source)
-    ax.set_xticks(places, ALL_NETS, rotation=45, ha="right")
+    ax.set_xticks(places, [NAMES[net.lower()] for net in ALL_NETS], rotation=45, ha="right")
     ax.set(ylabel="score under noise", xlim=(-0.6, len(ALL_NETS) - 0.4))
     fig.legend(loc="outside upper right", ncols=2)
     return fig

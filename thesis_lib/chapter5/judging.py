@@ -115,9 +115,9 @@ def weigh(printed: Evidence | None, ours: Evidence | None) -> Finding:
     if ours is None:
         mine = "Ours have not all been run yet."
     else:
-        deep = "" if ours.printed_budget else ", fewer steps than the thesis's"
+        deep = "" if ours.printed_budget else ", not all as long as the thesis's"
         some = "" if ours.tasks == ours.of_tasks else f", {ours.tasks} of {ours.of_tasks} robots"
-        mine = f"Our runs ({ours.units} seeds{some}{deep}) {_WORDS[own]}: {ours.sentence}"
+        mine = f"Our runs ({ours.units} seeds or more{some}{deep}) {_WORDS[own]}: {ours.sentence}"
     verdicts = [own] if printed is None else [printed.verdict, own]
     return Finding(min(verdicts, key=WEAKEST_FIRST.index), f"{theirs} {mine}")
 

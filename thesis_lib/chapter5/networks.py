@@ -28,15 +28,15 @@ NAMES: Mapping[str, str] = {
 """Names of the architectures on the page, in its order."""
 
 STYLES: Mapping[str, tuple[str, str]] = {
-    "dtrnn": (COLOURS[0], "-"),
-    "ctrnn": (COLOURS[5], "-"),
-    "lstm": (COLOURS[2], "-"),
-    "gru": (COLOURS[2], "--"),
-    "esn": (COLOURS[3], "-"),
+    "ctrnn": (COLOURS[0], "-"),
+    "dtrnn": (COLOURS[1], "-"),
+    "esn": (COLOURS[2], "-"),
+    "gru": (COLOURS[5], "-"),
+    "lstm": (COLOURS[5], "--"),
     "ffwd": (COLOURS[4], "-"),
-    "dffwd": (COLOURS[1], "-"),
+    "dffwd": (COLOURS[3], "-"),
     "ffwd-400": (COLOURS[4], "--"),
-    "dffwd-softplus": (COLOURS[1], "--"),
+    "dffwd-softplus": (COLOURS[3], "--"),
 }
 """Colour and line of each architecture: one colour a family, dashes for the second of one."""
 

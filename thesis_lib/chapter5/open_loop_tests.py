@@ -128,7 +128,7 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
         record = {"task": robot}
         for condition in CONDITIONS:
             printed = _printed(condition, robot)
-            ours = ", ".join(f"{v:.0f}" for v in mean[robot, condition])
+            ours = " and ".join(f"{v:.0f}" for v in mean[robot, condition])
             heading = "regular" if condition == "base" else condition
             record[heading] = f"**{ours}** ({printed.min():.0f}–{printed.max():.0f})"
         records.append(record)

@@ -131,11 +131,13 @@ def reading(table: pd.DataFrame) -> str:
     share = unstable(table)
     places = [share.index[share.index < 1].max(), *share.index[share.index >= 1][:2]]
     parts = [
-        f"at {ratio:g} of the step {share.euler[ratio]:.1%} of the networks have such a mode under "
-        f"Euler's method and {share.heun[ratio]:.1%} under Heun's"
+        f"at {ratio:g} of the step {share.euler[ratio]:.1%} and {share.heun[ratio]:.1%}"
         for ratio in dict.fromkeys([*places, share.index.max()])
     ]
-    return f"With all time constants {'; '.join(parts)}."
+    return (
+        "Networks with such a mode, under Euler's method and under Heun's: with all time "
+        f"constants {'; '.join(parts)}."
+    )
 
 
 def figure(table: pd.DataFrame) -> Figure:

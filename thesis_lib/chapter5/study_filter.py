@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -32,11 +33,11 @@ from thesis_lib.arrays import FloatArray
 from thesis_lib.chapter5.cells import interval
 from thesis_lib.chapter5.contrasts import SMOKE, Config
 from thesis_lib.chapter5.judging import difference
+from thesis_lib.chapter5.networks import STYLES
 from thesis_lib.chapter5.runs import DEFAULT, PRINTED_STEPS, Runs
 from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
-from thesis_lib.edition.plots import COLOURS
 from thesis_lib.edition.words import typeset, with_interval
 from thesis_lib.policies import CTRNN
 from thesis_lib.stats import Comparison, holm, welch
@@ -400,10 +401,14 @@ def budget(table: pd.DataFrame) -> str:
 def draw(table: pd.DataFrame) -> Figure:
     """Shares kept over the correlation time of the noise, by arm; table of :data:`kept`."""
     fig, ax = plt.subplots()
-    for (arm, own), colour in zip(table.groupby("arm", sort=False), COLOURS, strict=False):
+    for arm, own in table.groupby("arm", sort=False):
+        net, _, changed = str(arm).partition(", ")
+        colour, _ = STYLES[net.lower()]
+        look: dict[str, Any] = {"color": colour, "ls": ":" if changed else "-"}
+        look["mfc"] = "white" if changed else colour
         at = own.groupby("correlation").retained
         mean, error = at.mean(), at.sem()
-        ax.errorbar(mean.index, mean, 2 * error, marker="o", color=colour, label=arm)
+        ax.errorbar(mean.index, mean, 2 * error, marker="o", label=arm, **look)
     ax.set_xscale("symlog", linthresh=3)
     ax.set_xlabel("correlation time of the noise, control steps")
     ax.set_ylabel("share of the return kept")

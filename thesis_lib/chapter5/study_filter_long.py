@@ -19,12 +19,12 @@ from matplotlib.figure import Figure
 from thesis_lib.chapter5.cells import NETS
 from thesis_lib.chapter5.contrasts import SMOKE, Config
 from thesis_lib.chapter5.judging import difference
+from thesis_lib.chapter5.networks import STYLES
 from thesis_lib.chapter5.runs import DEFAULT, ENOUGH
 from thesis_lib.chapter5.study_filter import CORRELATIONS, ROBOT, by_policy
 from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
-from thesis_lib.edition.plots import COLOURS
 from thesis_lib.edition.words import several, with_interval
 from thesis_lib.stats import Comparison, holm, mean_ci, welch
 
@@ -96,7 +96,7 @@ def keeps_more(table: pd.DataFrame) -> Finding:
         f"After the printed length of training CTRNNs keep, mean over the correlation times above "
         f"0, {difference(test)} more of their regular "
         f"return than DTRNNs (p = {test.p_value:.2g}, Welch, {seeds} seeds a net; below "
-        f"{LEVEL / LOOKS:g} counts, as this is asked {LOOKS} times). Shares by net: {rest}.",
+        f"{LEVEL / LOOKS:g} counts, as this is asked {LOOKS} times). Shares by net, 95%: {rest}.",
         {"difference": test.difference, "p": test.p_value},
     )
 
@@ -156,15 +156,17 @@ def draw(table: pd.DataFrame) -> Figure:
     """Mean share kept over the correlation time of the noise, a line a net, dots its seeds."""
     fig, ax = plt.subplots()
     times = sorted(table.correlation.unique())
-    for net, colour in zip(NETS, COLOURS, strict=False):
+    for net in NETS:
+        colour, style = STYLES[net.lower()]
         own = table[table.architecture == net]
         place = own.correlation.map(times.index) + 0.05 * (NETS.index(net) - len(NETS) / 2)
-        ax.plot(place, own.retained, "o", ms=2.5, color=colour, alpha=0.6)
+        face = colour if style == "-" else "white"
+        ax.plot(place, own.retained, "o", ms=2.5, color=colour, mfc=face, alpha=0.6)
         means = own.assign(place=place).groupby("correlation")[["place", "retained"]].mean()
-        ax.plot(means.place, means.retained, color=colour, lw=1.4, label=net)
+        ax.plot(means.place, means.retained, style, color=colour, lw=1.4, label=net)
     ax.set_xticks(range(len(times)), [f"{time:g}" for time in times])
     ax.set(xlabel="correlation time of the noise, control steps", ylabel="share of the return kept")
     if len(table):
         handles = ax.get_legend_handles_labels()
-        fig.legend(*handles, loc="outside upper center", ncols=7, fontsize=8, handlelength=1.2)
+        fig.legend(*handles, loc="outside upper center", ncols=7, fontsize=8, handlelength=1.6)
     return fig

@@ -19,9 +19,9 @@ from scipy.stats import binomtest, spearmanr
 from thesis_lib.chapter5 import cells
 from thesis_lib.chapter5.cells import NETS, ROBOTS
 from thesis_lib.chapter5.contrasts import Config
+from thesis_lib.chapter5.networks import STYLES
 from thesis_lib.chapter5.runs import CELL, ENOUGH, Runs, plain
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.plots import COLOURS
 from thesis_lib.robustness import CONDITIONS, PERTURBATIONS, TRAINED_ON
 from thesis_lib.stats import mean_ci
 
@@ -151,12 +151,13 @@ def draw(table: pd.DataFrame) -> Figure:
             at = own[own.architecture == net]
             # Nets side by side, so that their intervals do not cover each other.
             x = np.arange(len(at)) + 0.04 * (i - len(NETS) / 2)
-            look = {"color": COLOURS[i], "lw": 1.2}
-            ax.plot(x, at.kept, "o-", ms=4, label=net, **look)
-            ax.errorbar(x, at.kept, yerr=at.ci95, fmt="none", ecolor=COLOURS[i], alpha=0.4)
+            colour, style = STYLES[net.lower()]
+            look = {"color": colour, "lw": 1.2, "mfc": colour if style == "-" else "white"}
+            ax.plot(x, at.kept, f"o{style}", ms=4, label=net, **look)
+            ax.errorbar(x, at.kept, yerr=at.ci95, fmt="none", ecolor=colour, alpha=0.4)
             if len(at):
                 ax.plot([x[-1], len(at)], [at.kept.iloc[-1], at.printed.iloc[-1]], ":", **look)
-                ax.plot([len(at)], [at.printed.iloc[-1]], "<", color=COLOURS[i])
+                ax.plot([len(at)], [at.printed.iloc[-1]], "<", **look)
         lengths = [f"{steps / 1e6:.0f} million\nsteps" for steps in own.steps.unique()]
         ax.set_xticks(range(len(lengths) + 1), [*lengths, "printed"])
         ax.set(title=f"{robot}, {ground}: {perturbation}", xlim=(-0.3, len(lengths) + 0.15))
