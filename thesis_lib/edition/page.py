@@ -287,8 +287,8 @@ class Page:
     def _read(self) -> None:
         """Learn of the claims and differences of the modules imported by now."""
         if self.chapter is not None:
-            package = self.chapter.__name__
-            loaded = [n for n in self.chapter.RESULTS if f"{package}.{n}" in sys.modules]
+            package = f"{self.chapter.__name__}."
+            loaded = [n.removeprefix(package) for n in sys.modules if n.startswith(package)]
             found = read_chapter(self.chapter, loaded)
             self.claims.update({claim.id: claim for claim in found.claims})
             self.differences.update({row.id: row for row in found.differences})
