@@ -22,18 +22,7 @@ from thesis_lib.edition.reach import ROOT, place, reached
 ITEMS = Path("book", "thesis_items.csv")
 """The file, in the checkout and in the staged book."""
 
-_HEADINGS = {
-    "equation": "Equations",
-    "algorithm": "Algorithms",
-    "definition": "Definitions",
-    "theorem": "Theorems, lemmas and facts",
-    "corollary": "Theorems, lemmas and facts",
-    "lemma": "Theorems, lemmas and facts",
-    "fact": "Theorems, lemmas and facts",
-    "table": "Tables",
-    "figure": "Figures",
-    "footnote": "Footnotes",
-}
+_PROVED = ("theorem", "corollary", "lemma", "fact")
 
 
 @dataclass(frozen=True)
@@ -92,7 +81,7 @@ def items_markdown(items: Iterable[Item], judged: Iterable[Judgement]) -> str:
     """
     known, verdicts = experiments(), {j.claim.id: j.in_words() for j in judged}
     lines: list[str] = []
-    for heading, group in groupby(items, key=lambda item: _HEADINGS[item.kind]):
+    for heading, group in groupby(items, key=_heading):
         rows = []
         for item in group:
             state = [item.state]
@@ -105,6 +94,11 @@ def items_markdown(items: Iterable[Item], judged: Iterable[Judgement]) -> str:
         table = rows_markdown(("thesis", "what", "here", "state"), rows)
         lines += [f"## {heading}", "", *table, ""]
     return "\n".join(lines)
+
+
+def _heading(item: Item) -> str:
+    proved = item.kind in _PROVED
+    return "Theorems, lemmas and facts" if proved else f"{item.kind.capitalize()}s"
 
 
 def link(label: str) -> str:
