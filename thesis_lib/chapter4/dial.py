@@ -22,6 +22,7 @@ from thesis_lib.chapter4.runs import Placed, place
 from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
+from thesis_lib.edition.plots import legend_of
 from thesis_lib.selection import FSTEK, JackknifeF, Selector, fstek_threshold
 
 DOMAINS: Mapping[str, Flat] = {
@@ -227,6 +228,5 @@ def figure(table: pd.DataFrame) -> Figure:
         ax.set(xlim=(-0.04, 1.06), ylim=(-0.04, 1.08))
         ax.set_xlabel("false positive rate", fontsize=8)
     axes[0, 0].set_ylabel("true positive rate", fontsize=8)
-    handles = axes[0, 0].get_legend_handles_labels()
-    fig.legend(*handles, loc="outside lower center", ncols=3, fontsize=8)
+    legend_of(axes[0, 0], 3, fontsize=8)
     return fig

@@ -21,7 +21,7 @@ from thesis_lib.chapter5.cells import NETS, ROBOTS
 from thesis_lib.chapter5.contrasts import Config
 from thesis_lib.chapter5.runs import CELL, ENOUGH, Runs, plain
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.plots import COLOURS
+from thesis_lib.edition.plots import COLOURS, legend_of
 from thesis_lib.robustness import CONDITIONS, PERTURBATIONS, TRAINED_ON
 from thesis_lib.stats import mean_ci
 
@@ -162,9 +162,7 @@ def draw(table: pd.DataFrame) -> Figure:
         ax.set(title=f"{robot}, {ground}: {perturbation}", xlim=(-0.3, len(lengths) + 0.15))
     axes[0, 0].set_ylim(0, max(1.05, 1.05 * table[["kept", "printed"]].max(axis=None)))
     fig.supylabel("share of the regular return", fontsize=10)
-    fig.legend(
-        *axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=7, fontsize=8
-    )
+    legend_of(axes[0, 0], 7, fontsize=8)
     return fig
 
 
