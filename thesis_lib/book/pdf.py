@@ -22,31 +22,11 @@ from thesis_lib.files import replacing
 Place: TypeAlias = tuple[int, float | None]
 """A sheet, and how high on it in points; None for the whole of it."""
 
-READY = """async () => {
-  const folded = 'details.sd-dropdown, table details';
-  document.querySelectorAll(folded).forEach((e) => { e.open = true; });
-  document.querySelectorAll('img[loading=lazy]').forEach((e) => { e.loading = 'eager'; });
-  const loaded = (e) => e.complete || new Promise((done) => { e.onload = e.onerror = done; });
-  await Promise.all([...document.images].map(loaded));
-  if (window.MathJax?.startup?.promise) await window.MathJax.startup.promise;
-  await Promise.all([...document.fonts].map((font) => font.load().catch(() => {})));
-}"""
-"""What to wait for before a page is printed."""
-
-
-TARGETS = """(names) => {
-  const targets = document.createElement('div');
-  targets.style.cssText = 'position: absolute; bottom: 0; left: 0; font-size: 1px';
-  for (const name of names.filter((n) => document.getElementById(n))) {
-    const link = document.createElement('a');
-    link.href = '#' + name;
-    link.textContent = '.';
-    link.style.cssText = 'color: transparent; text-decoration: none';
-    targets.append(link);
-  }
-  document.body.append(targets);
-}"""
-"""Chromium tells where a place of a page is printed if the page itself links to it."""
+READY, TARGETS = (
+    Path(__file__).with_name(f"{name}.js").read_text(encoding="utf-8")
+    for name in ("ready", "targets")
+)
+"""Functions that Chromium calls before a page is printed; each says what it is for."""
 
 
 def contents(toc: str) -> list[str]:
