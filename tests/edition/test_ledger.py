@@ -147,6 +147,8 @@ class TestReadChapter:
     """Words in ``claims.toml``, functions beside the experiments."""
 
     WORDS = """
+        results = ["toy"]
+
         [[claim]]
         id = "0.1-toy"
         section = "3.4.1"
@@ -177,9 +179,7 @@ class TestReadChapter:
     def chapter(self, tmp_path, words=WORDS, **members):
         (tmp_path / "claims.toml").write_text(words)
         self.module = SimpleNamespace(**{"toy": TOY, "judged": JUDGED, **members})
-        package = SimpleNamespace(
-            __name__="toys", __file__=str(tmp_path / "__init__.py"), RESULTS=("toy",)
-        )
+        package = SimpleNamespace(__name__="toys", __file__=str(tmp_path / "__init__.py"))
         return chapters.read_chapter(package)
 
     def test_words_and_functions_meet(self, tmp_path):

@@ -4,6 +4,3 @@ Each file holds a result's config with its budgets, the experiment, the criteria
 that its table decides, and its figures; the claims' words stand in ``claims.toml``.  How the
 domains are drawn is in ``pictures``.
 """
-
-RESULTS = ("figure_a_1", "figure_a_2", "figure_a_3", "other_numbers")
-"""The appendix's results, in its order."""

@@ -219,5 +219,5 @@ def _sphinx(paths: Paths, html: Path, *, strict: bool, say: Callable[[str], None
 
 def _package(root: Path) -> str:
     """Hash of the package, whose docstrings and Sphinx extensions are part of the pages."""
-    files = sorted((root / PACKAGE).rglob("*.py"))
+    files = sorted(f for kind in ("*.py", "*.html") for f in (root / PACKAGE).rglob(kind))
     return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()

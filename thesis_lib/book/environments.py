@@ -10,27 +10,22 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete, Space
 
 import thesis_lib  # noqa: F401  (registers them)
+from thesis_lib.book.tables import table_markdown
 from thesis_lib.domains.environments import DOMAINS
 from thesis_lib.domains.heat_environment import HeatEnv
 
 
 def environments_markdown() -> str:
     """Body of the page *Environments*: every id with what it is and its spaces, as MyST."""
-    lines = [
-        "::::{table} The environments, as `gymnasium.make` takes them after `import thesis_lib`",
-        ":name: tbl-environments",
-        "",
-        "| id | what it is | observation | action |",
-        "| :-- | :-- | :-- | :-- |",
-    ]
+    rows = []
     for env_id in sorted(_ids(), key=_robots_last):
         env = gymnasium.make(env_id)
-        lines.append(
-            f"| `{env_id}` | {_words(env_id)} | {_told(env.observation_space)} "
-            f"| {_told(env.action_space)} |"
-        )
+        spaces = _told(env.observation_space), _told(env.action_space)
+        rows.append((f"`{env_id}`", _words(env_id), *spaces))
         env.close()
-    return "\n".join([*lines, "::::", ""])
+    title = "The environments, as `gymnasium.make` takes them after `import thesis_lib`"
+    heads = ("id", "what it is", "observation", "action")
+    return "\n".join(table_markdown(title, "tbl-environments", heads, rows))
 
 
 def _ids() -> list[str]:

@@ -12,6 +12,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from thesis_lib.book.tables import rows_markdown
 from thesis_lib.book.thesis_items import link
 from thesis_lib.edition import roots
 from thesis_lib.edition.deepest import committed
@@ -284,17 +285,17 @@ def _tally(judged: Iterable[Judgement]) -> list[str]:
     )
     ours = sum(j.claim.ours for j in judged)
     repeated = sum(bool(j.claim.rests_on) for j in judged)
-    lines = ["| verdict | claims | how often it came out |", "| :-- | --: | :-- |"]
+    rows = []
     for verdict in Verdict:
         own = [j for j in evidence if j.verdict is verdict]
         by = Counter(_frequency_class(j) for j in own)
         if own:
             mark = f"{verdict.badge}: {MEANING[verdict]}"
             often = ", ".join(f"{by[name]} {name}" for name in _CLASSES if by[name])
-            lines.append(f"| {mark} | {len(own)} | {often} |")
+            rows.append((mark, len(own), often))
+    rows.append(("all that are no proofs and repeat no other", len(evidence), ""))
     return [
-        *lines,
-        f"| all that are no proofs and repeat no other | {len(evidence)} | |",
+        *rows_markdown(("verdict", "claims", "how often it came out"), rows, right=["claims"]),
         "",
         f"Besides these, {identities} claims are proofs or arithmetic, which no experiment can "
         f"deny, {repeated} repeat or sum up others, and {ours} are our own.",

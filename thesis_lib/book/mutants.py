@@ -8,6 +8,7 @@ from typing import Any
 
 import pandas as pd
 
+from thesis_lib.book.tables import table_markdown
 from thesis_lib.checkout import repository_root
 from thesis_lib.edition import chapters, roots
 from thesis_lib.edition.reach import digest
@@ -45,22 +46,17 @@ def mutants_markdown(mutants: pd.DataFrame) -> str:
     mutants
         What ``benchmarks/mutants.py`` wrote.
     """
-    lines = [
-        "::::{table} Faults put into the library: a test must fail, and a verdict change",
-        ":name: tbl-status-mutants",
-        ":class: cards",
-        "",
-        "| mutant | of | a test fails | verdicts | commit | the code since then |",
-        "| :-- | :-- | :-- | :-- | :-- | :-- |",
-        *(
-            f"| {m.mutant} | `{m.file}` | {'yes' if m.caught else 'no'} "
-            f"| {_moved(_text(m.verdicts))}"
-            f"{f' (none: {m.reason})' if _text(m.reason) else ''} "
-            f"| {short_commit(m.commit)} | {_since(m)} |"
-            for m in mutants.itertuples()
-        ),
-    ]
-    return "\n".join([*lines, "::::", ""])
+    rows = (
+        (
+            *(m.mutant, f"`{m.file}`", "yes" if m.caught else "no"),
+            _moved(_text(m.verdicts)) + (f" (none: {m.reason})" if _text(m.reason) else ""),
+            *(short_commit(m.commit), _since(m)),
+        )
+        for m in mutants.itertuples()
+    )
+    title = "Faults put into the library: a test must fail, and a verdict change"
+    heads = ("mutant", "of", "a test fails", "verdicts", "commit", "the code since then")
+    return "\n".join(table_markdown(title, "tbl-status-mutants", heads, rows, look="cards"))
 
 
 def _text(value: object) -> str:

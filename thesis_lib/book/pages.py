@@ -25,6 +25,7 @@ from thesis_lib.book.ledger import (
     squares_markdown,
 )
 from thesis_lib.book.mutants import mutants_markdown, short_commit
+from thesis_lib.book.tables import table_markdown
 from thesis_lib.book.thesis_items import ITEMS, items_markdown, read_items
 from thesis_lib.edition import deepest
 from thesis_lib.edition.chapters import differences, find
@@ -82,40 +83,33 @@ def status_markdown(runs: Sequence[Run]) -> str:
     """
     if not runs:
         return "No notebook was executed for this build.\n"
-    lines = [
-        "::::{table} How each notebook of this build was executed",
-        ":name: tbl-status-runs",
-        "",
-        "| notebook | budget | seed | duration | run on | commit | digest |",
-        "| :-- | :-- | --: | --: | :-- | :-- | :-- |",
-    ]
-    for run in runs:
-        m = run.manifest
-        lines.append(
-            f"| {{doc}}`../notebooks/{m['name']}` "
-            f"| {m['parameters']['budget']} "
-            f"| {m['parameters']['seed']} | {_duration(m['seconds'])} "
-            f"| [{m['started'][:10]}]{{.day}} | {short_commit(m['commit'])} | {m['digest'][:8]} |"
-        )
-    lines += ["::::", ""]
+    executed, used = [], dict[str, set[str]]()
+    for m in (run.manifest for run in runs):
+        chosen, made = m["parameters"], (short_commit(m["commit"]), m["digest"][:8])
+        asked = (f"{{doc}}`../notebooks/{m['name']}`", chosen["budget"], chosen["seed"])
+        executed.append((*asked, _duration(m["seconds"]), _day(m["started"]), *made))
+        for name, version in {"Python": m["python"], **m["versions"]}.items():
+            used.setdefault(name, set()).add(version)
     machines = sorted({str(run.manifest["machine"]) for run in runs})
-    lines += [
+    lines = [
+        *table_markdown(
+            "How each notebook of this build was executed",
+            "tbl-status-runs",
+            ("notebook", "budget", "seed", "duration", "run on", "commit", "digest"),
+            executed,
+            right=("seed", "duration"),
+        ),
         f"Days are in UTC; machine: {'; '.join(machines)}.",
         "A commit with a plus sign had uncommitted changes.",
         "",
-        "::::{table} Versions of the software that computed the results",
-        ":name: tbl-status-versions",
-        "",
-        "| software | version |",
-        "| :-- | :-- |",
+        *table_markdown(
+            "Versions of the software that computed the results",
+            "tbl-status-versions",
+            ("software", "version"),
+            ((name, ", ".join(sorted(versions))) for name, versions in used.items()),
+        ),
     ]
-    used: dict[str, set[str]] = {}
-    for run in runs:
-        versions = {"Python": run.manifest["python"], **run.manifest["versions"]}
-        for name, version in versions.items():
-            used.setdefault(name, set()).add(version)
-    lines += [f"| {name} | {', '.join(sorted(used[name]))} |" for name in used]
-    return "\n".join([*lines, "::::", ""])
+    return "\n".join(lines)
 
 
 def deepest_markdown(records: Sequence[Mapping[str, Any]]) -> str:
@@ -126,24 +120,18 @@ def deepest_markdown(records: Sequence[Mapping[str, Any]]) -> str:
     records
         Their provenance.
     """
-    lines = [
-        "::::{table} Committed tables at the thesis's budget",
-        ":name: tbl-status-deepest",
-        "",
-        "| table | processor time | made on | commit | its code since then |",
-        "| :-- | --: | :-- | :-- | :-- |",
-    ]
+    rows = []
     for record in records:
         experiment = find(record["id"])
         since = "not recorded"
         if made_by := record.get("code"):
             code = code_of_table(experiment, experiment.config("thesis"))
             since = "as it was" if code == made_by else "changed"
-        lines.append(
-            f"| {experiment.item} | {_duration(record['cpu_seconds'])} "
-            f"| [{record['started'][:10]}]{{.day}} | {short_commit(record['commit'])} | {since} |"
-        )
-    return "\n".join([*lines, "::::", ""])
+        made = _duration(record["cpu_seconds"]), _day(record["started"])
+        rows.append((experiment.item, *made, short_commit(record["commit"]), since))
+    heads = ("table", "processor time", "made on", "commit", "its code since then")
+    title = "Committed tables at the thesis's budget"
+    return "\n".join(table_markdown(title, "tbl-status-deepest", heads, rows, heads[1:2]))
 
 
 def drills_markdown(drills: pd.DataFrame) -> str:
@@ -154,19 +142,18 @@ def drills_markdown(drills: pd.DataFrame) -> str:
     drills
         What ``benchmarks/drills.py`` wrote: command, drill, good, of, commit, day.
     """
-    lines = [
-        "::::{table} What is left after faults: how often everything was as it should be",
-        ":name: tbl-status-drills",
-        "",
-        "| command | drill | as it should be | commit | day |",
-        "| :-- | :-- | --: | :-- | :-- |",
-        *(
-            f"| `{d.command}` | {d.drill} | {d.good} of {d.of} "
-            f"| {short_commit(d.commit)} | [{d.day}]{{.day}} |"
-            for d in drills.itertuples()
-        ),
-    ]
-    return "\n".join([*lines, "::::", ""])
+    heads = ("command", "drill", "as it should be", "commit", "day")
+    rows = (
+        (f"`{d.command}`", d.drill, f"{d.good} of {d.of}", short_commit(d.commit), _day(d.day))
+        for d in drills.itertuples()
+    )
+    title = "What is left after faults: how often everything was as it should be"
+    return "\n".join(table_markdown(title, "tbl-status-drills", heads, rows, heads[2:3]))
+
+
+def _day(when: str) -> str:
+    """The day of a time in UTC."""
+    return f"[{when[:10]}]{{.day}}"
 
 
 def _duration(seconds: float) -> str:

@@ -12,18 +12,6 @@ from pathlib import Path
 
 import yaml
 
-_REDIRECT = """\
-<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<title>{title}</title>
-<meta http-equiv="refresh" content="0; url={page}">
-</head>
-<body><p><a href="{page}">{title}</a></p></body>
-</html>
-"""
-
 
 def render(source: Path, html: Path, doctrees: Path, *, strict: bool) -> int:
     """Build the staged book; returns the exit status.
@@ -57,8 +45,9 @@ def render(source: Path, html: Path, doctrees: Path, *, strict: bool) -> int:
         return 2
     root = yaml.safe_load((source / "_toc.yml").read_text(encoding="utf-8"))["root"]
     title = yaml.safe_load(config.read_text(encoding="utf-8"))["title"]
+    redirect = Path(__file__).with_name("redirect.html").read_text(encoding="utf-8")
     (html / "index.html").write_text(
-        _REDIRECT.format(title=title, page=f"{root}.html"), encoding="utf-8"
+        redirect.format(title=title, page=f"{root}.html"), encoding="utf-8"
     )
     return status
 

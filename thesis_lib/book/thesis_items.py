@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
+from thesis_lib.book.tables import rows_markdown
 from thesis_lib.edition.chapters import experiments
 from thesis_lib.edition.deepest import committed
 from thesis_lib.edition.experiment import Experiment
@@ -21,18 +22,7 @@ from thesis_lib.edition.reach import ROOT, place, reached
 ITEMS = Path("book", "thesis_items.csv")
 """The file, in the checkout and in the staged book."""
 
-_HEADINGS = {
-    "equation": "Equations",
-    "algorithm": "Algorithms",
-    "definition": "Definitions",
-    "theorem": "Theorems, lemmas and facts",
-    "corollary": "Theorems, lemmas and facts",
-    "lemma": "Theorems, lemmas and facts",
-    "fact": "Theorems, lemmas and facts",
-    "table": "Tables",
-    "figure": "Figures",
-    "footnote": "Footnotes",
-}
+_PROVED = ("theorem", "corollary", "lemma", "fact")
 
 
 @dataclass(frozen=True)
@@ -91,21 +81,24 @@ def items_markdown(items: Iterable[Item], judged: Iterable[Judgement]) -> str:
     """
     known, verdicts = experiments(), {j.claim.id: j.in_words() for j in judged}
     lines: list[str] = []
-    for heading, group in groupby(items, key=lambda item: _HEADINGS[item.kind]):
-        lines += [f"## {heading}", "", "| thesis | what | here | state |"]
-        lines += ["| :-- | :-- | :-- | :-- |"]
+    for heading, group in groupby(items, key=_heading):
+        rows = []
         for item in group:
             state = [item.state]
             if item.experiment:
                 state.append(_run(known[item.experiment], item.kind))
             if item.claim:
                 state.append(f"claim {verdicts[item.claim]}")
-            lines.append(
-                f"| {item.kind} {item.number} | {item.about} "
-                f"| {', '.join(map(link, item.labels))} | {'; '.join(filter(None, state))} |"
-            )
-        lines.append("")
+            here, done = ", ".join(map(link, item.labels)), "; ".join(filter(None, state))
+            rows.append((f"{item.kind} {item.number}", item.about, here, done))
+        table = rows_markdown(("thesis", "what", "here", "state"), rows)
+        lines += [f"## {heading}", "", *table, ""]
     return "\n".join(lines)
+
+
+def _heading(item: Item) -> str:
+    proved = item.kind in _PROVED
+    return "Theorems, lemmas and facts" if proved else f"{item.kind.capitalize()}s"
 
 
 def link(label: str) -> str:

@@ -4,16 +4,3 @@ Each file holds a result's config with its budgets, the experiment, the criteria
 that its table decides, and its figure; the claims' words stand in ``claims.toml``.  What
 several results need is in ``one_cliff``, ``every_trajectory`` and ``two_parameters``.
 """
-
-RESULTS = (
-    "dynamic_programming",
-    "online",
-    "exploration",
-    "convergence",
-    "estimators",
-    "kl_quadratic",
-    "learning_curves",
-    "settings",
-    "one_step",
-)
-"""The chapter's results, in the order in which they are listed."""

@@ -25,6 +25,7 @@ from thesis_lib.domains import continuing_cliff
 from thesis_lib.edition.criteria import LEVEL, Pair, best, no_greater, ordered, positive, summary
 from thesis_lib.edition.experiment import Context, Returns, experiment, returns
 from thesis_lib.edition.ledger import Finding, Verdict, criterion, effect_of
+from thesis_lib.edition.plots import legend_of
 from thesis_lib.edition.words import number
 from thesis_lib.mdp.learning import Method
 from thesis_lib.stats import Summary, welch
@@ -224,5 +225,5 @@ def figure(table: pd.DataFrame) -> Figure:
                 ax.set_xlabel("")
     for row in axes:
         row[0].set_ylabel(r"return [$10^4$]")
-    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    legend_of(axes[0, 0], 3)
     return fig

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -33,7 +32,7 @@ from thesis_lib.domains import stock
 from thesis_lib.edition.criteria import LEVEL, graded, summary
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
-from thesis_lib.edition.plots import band
+from thesis_lib.edition.plots import band, legend_of, panels
 from thesis_lib.edition.words import number, plus_minus, span
 from thesis_lib.stats import holm, mean_ci, welch
 
@@ -261,11 +260,9 @@ def reversal_is_level(table: pd.DataFrame) -> Finding:
 
 def figure(table: pd.DataFrame) -> Figure:
     """Return over the level, one panel a domain and learner, one line a potential."""
-    panels = list(table.groupby(["domain", "algorithm"], sort=False))
-    columns = min(3, len(panels))
-    rows = -(-len(panels) // columns)
-    fig, axes = plt.subplots(rows, columns, figsize=(7.2, 2.1 * rows), squeeze=False)
-    for ax, ((domain, learner), own) in zip(axes.flat, panels, strict=False):
+    groups = list(table.groupby(["domain", "algorithm"], sort=False))
+    fig, axes = panels(len(groups), 3, 2.1)
+    for ax, ((domain, learner), own) in zip(axes, groups, strict=True):
         swept = own[own.level != OWN].assign(level=lambda t: t.level.astype(float))
         for name, group in swept.groupby("potential", sort=False):
             band(ax, group, "level", color=COLOUR[name], label=SYMBOLS[name])
@@ -273,9 +270,7 @@ def figure(table: pd.DataFrame) -> Figure:
         ax.axhline(plain, color=COLOUR["none"], ls=":", label=SYMBOLS["none"])
         ax.set_title(f"{domain}\n{learner.replace('_', '-').capitalize()}", fontsize=9)
         ax.tick_params(labelsize=8)
-    for ax in axes.flat[len(panels) :]:
-        ax.set_axis_off()
     fig.supxlabel("level (0: least, 1: largest value of $Q^*$)", fontsize=10)
     fig.supylabel("mean total reward", fontsize=10)
-    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
+    legend_of(axes[0], 5, "upper center")
     return fig

@@ -19,7 +19,7 @@ from thesis_lib.checks import one_of
 from thesis_lib.domains import Domain, continuing_cliff, episodic_cliff, stock, triangle
 from thesis_lib.edition.criteria import Pair, summary
 from thesis_lib.edition.experiment import Context, Returns, returns
-from thesis_lib.edition.plots import COLOURS, band
+from thesis_lib.edition.plots import COLOURS, band, legend_of
 from thesis_lib.mdp.batched import TaskBatch
 from thesis_lib.mdp.learning import Method
 from thesis_lib.mdp.sampling import loop_array
@@ -347,6 +347,5 @@ def learning_rate_figure(
         over_alpha(ax, table[rows], log=log)
         ax.set_title(title)
     axes[0, 0].set_ylabel(ylabel)
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    fig.legend(handles, labels, ncols=5, loc="outside lower center", fontsize=8)
+    legend_of(axes[0, 0], 5, fontsize=8)
     return fig

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from itertools import product
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -26,7 +25,7 @@ from thesis_lib.chapter3.runs import (
 from thesis_lib.edition.criteria import LEVEL, Pair, best, graded, no_greater, summary
 from thesis_lib.edition.experiment import Context, Returns, experiment, returns
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
-from thesis_lib.edition.plots import PRINTED
+from thesis_lib.edition.plots import PRINTED, legend_of, panels
 from thesis_lib.edition.words import number, plus_minus
 from thesis_lib.stats import holm, mean_ci, welch
 
@@ -167,21 +166,16 @@ def scaling_helps(table: pd.DataFrame) -> Finding:
 def figure(table: pd.DataFrame) -> Figure:
     """Return over the scale factor, one panel a domain and learner."""
     groups = list(table.groupby(["domain", "algorithm"], sort=False))
-    columns = min(2, len(groups))
-    n_rows = -(-len(groups) // columns)
-    size = (7.2, 0.7 + 1.9 * n_rows)
-    fig, axes = plt.subplots(n_rows, columns, figsize=size, squeeze=False, sharex=True)
-    for ax, ((domain, method), own) in zip(axes.flat, groups, strict=False):
+    fig, axes = panels(len(groups), 2, 1.9, 0.7, sharex=True)
+    for ax, ((domain, method), own) in zip(axes, groups, strict=True):
         curves(ax, own, "factor", marker="o", ms=3)
         ax.axvline(1, color=PRINTED, ls=":", lw=1)
         ax.set_title(f"{domain}, {LEARNERS[method]}", fontsize=9)
         ax.tick_params(labelsize=8)
-    for ax in axes.flat[len(groups) :]:
-        ax.axis("off")
-    for ax in axes[-1]:
+    for ax in axes[-2:]:
         ax.set_xlabel("factor", fontsize=9)
     fig.supylabel("total reward", fontsize=10)
-    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    legend_of(axes[0], 4)
     return fig
 
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -17,7 +16,7 @@ from thesis_lib.domains import Domain, continuing_cliff, episodic_cliff, stock, 
 from thesis_lib.domains.heat_table import heat_table
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
-from thesis_lib.edition.plots import COLOURS
+from thesis_lib.edition.plots import COLOURS, legend_of, panels
 from thesis_lib.edition.words import number
 from thesis_lib.potentials import theorem_1
 
@@ -310,11 +309,8 @@ def figure(table: pd.DataFrame, tolerance: float) -> Figure:
     at = table[table.tolerance == tolerance]
     domains = list(dict.fromkeys(at.domain))
     names = list(dict.fromkeys(at.initialisation))
-    columns = min(3, len(domains))
-    rows = -(-len(domains) // columns)
-    size = (7.2, 0.6 + 2.6 * rows)
-    fig, axes = plt.subplots(rows, columns, sharey=True, figsize=size, squeeze=False)
-    for ax, domain in zip(axes.flat, domains, strict=False):
+    fig, axes = panels(len(domains), 3, 2.6, 0.6, sharey=True)
+    for ax, domain in zip(axes, domains, strict=True):
         own = at[at.domain == domain].set_index("initialisation")
         y = np.arange(len(names))[::-1]
         ax.barh(y, own.bound[names], color="#d9d9d9", height=0.6, label="bound")
@@ -323,10 +319,8 @@ def figure(table: pd.DataFrame, tolerance: float) -> Figure:
         ax.set_yticks(y, [n.replace("Q_star", r"$Q^*_d$") for n in names])
         ax.tick_params(labelsize=8)
         ax.set_xlim(left=-0.5)
-    for ax in axes.flat[len(domains) :]:
-        ax.set_axis_off()
     fig.supxlabel("sweeps of value iteration", fontsize=10)
-    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
+    legend_of(axes[0], 2, "upper right")
     return fig
 
 

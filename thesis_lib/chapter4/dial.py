@@ -8,7 +8,6 @@ from functools import partial
 from itertools import product
 from typing import get_args
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -22,6 +21,7 @@ from thesis_lib.chapter4.runs import Placed, place
 from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
+from thesis_lib.edition.plots import legend_of, panels
 from thesis_lib.selection import FSTEK, JackknifeF, Selector, fstek_threshold
 
 DOMAINS: Mapping[str, Flat] = {
@@ -209,10 +209,8 @@ def figure(table: pd.DataFrame) -> Figure:
     """ROC curves over the level, a panel a domain; FS-TEK's printed 1e-4 is marked."""
     table = as_read(table)
     domains = table.domain.unique()
-    fig, axes = plt.subplots(
-        1, len(domains), figsize=(7.2, 2.6), sharex=True, sharey=True, squeeze=False
-    )
-    for ax, domain in zip(axes[0], domains, strict=True):
+    fig, axes = panels(len(domains), len(domains), 2.6, sharex=True, sharey=True)
+    for ax, domain in zip(axes, domains, strict=True):
         for method, own in table[table.domain == domain].groupby("method", sort=False):
             name = str(method)
             own = own.sort_values("level")
@@ -226,7 +224,6 @@ def figure(table: pd.DataFrame) -> Figure:
         ax.set_title(domain, fontsize=8)
         ax.set(xlim=(-0.04, 1.06), ylim=(-0.04, 1.08))
         ax.set_xlabel("false positive rate", fontsize=8)
-    axes[0, 0].set_ylabel("true positive rate", fontsize=8)
-    handles = axes[0, 0].get_legend_handles_labels()
-    fig.legend(*handles, loc="outside lower center", ncols=3, fontsize=8)
+    axes[0].set_ylabel("true positive rate", fontsize=8)
+    legend_of(axes[0], 3, fontsize=8)
     return fig

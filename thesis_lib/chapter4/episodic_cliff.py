@@ -17,6 +17,7 @@ from thesis_lib.chapter4.runs import Target
 from thesis_lib.edition.criteria import LEVEL, graded, judged, summary
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion, effect_of
+from thesis_lib.edition.plots import legend_of
 from thesis_lib.stats import welch
 
 MARGIN = 0.05
@@ -151,6 +152,5 @@ def figure(table: pd.DataFrame) -> Figure:
         looks.returns(ax, table[table.potential == target], unit=1e4)
         ax.set_title(title)
     axes[0].set_ylabel("return of a run [$10^4$]")
-    handles = axes[0].get_legend_handles_labels()
-    fig.legend(*handles, ncols=3, loc="outside lower center", fontsize=8)
+    legend_of(axes[0], 3, fontsize=8)
     return fig

@@ -16,7 +16,7 @@ from thesis_lib.domains import triangle
 from thesis_lib.edition.criteria import judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, criterion
-from thesis_lib.edition.plots import COLOURS
+from thesis_lib.edition.plots import COLOURS, legend_of
 from thesis_lib.edition.words import several
 from thesis_lib.relevance import k_relevance, keep, remove
 from thesis_lib.relevance.exact import Direction
@@ -122,5 +122,5 @@ def figure(table: pd.DataFrame) -> Figure:
             ax.plot(curve.k, curve.relevance, marker="o", ms=3, **look)
         ax.set(xlabel="sequence length k", title=direction, ylim=(-0.2, None))
     axes[0].set_ylabel("k-relevance [squared reward]")
-    fig.legend(*axes[0].get_legend_handles_labels(), ncols=4, loc="outside lower center")
+    legend_of(axes[0], 4)
     return fig

@@ -28,7 +28,7 @@ from thesis_lib.domains import stock
 from thesis_lib.edition.criteria import graded, judged, positive
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
-from thesis_lib.edition.plots import unclutter
+from thesis_lib.edition.plots import legend_of, unclutter
 from thesis_lib.edition.words import plus_minus, several
 from thesis_lib.stats import power_within
 
@@ -259,6 +259,5 @@ def figure(table: pd.DataFrame) -> Figure:
         ax.tick_params(labelsize=8)
     for ax in axes[:-1].flat:
         ax.set_xlabel("")
-    handles = axes[0, 0].get_legend_handles_labels()
-    fig.legend(*handles, loc="outside lower center", ncols=4, fontsize=8)
+    legend_of(axes[0, 0], 4, fontsize=8)
     return unclutter(fig)

@@ -8,7 +8,6 @@ from functools import partial
 from itertools import product
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -33,7 +32,7 @@ from thesis_lib.domains.planted import random_domain
 from thesis_lib.edition.criteria import judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
-from thesis_lib.edition.plots import COLOURS, beside, unclutter
+from thesis_lib.edition.plots import COLOURS, beside, panels, unclutter
 from thesis_lib.selection import (
     FixedFeatures,
     JackknifeF,
@@ -254,11 +253,9 @@ def _by_t(runs: pd.Series, choices: int) -> pd.Series:
 def figure(table: pd.DataFrame) -> Figure:
     """ROC space of selectors that see different functions, one panel a domain."""
     domains = table.domain.unique()
-    fig, axes = plt.subplots(
-        1, len(domains), figsize=(7.2, 3.4), sharex=True, sharey=True, squeeze=False
-    )
+    fig, axes = panels(len(domains), len(domains), 3.4, sharex=True, sharey=True)
     handles = {}
-    for ax, domain in zip(axes[0], domains, strict=True):
+    for ax, domain in zip(axes, domains, strict=True):
         for i, method in enumerate(("table", "linear", "network", MORE)):
             own = table[(table.domain == domain) & (table.method == method)]
             own = own.sort_values("tasks_seen")
@@ -277,7 +274,7 @@ def figure(table: pd.DataFrame) -> Figure:
         ax.set(xlabel="false positive rate", xlim=(-0.06, 0.3), ylim=(-0.04, 1.08))
         ax.set_title(domain, fontsize=9)
         ax.xaxis.set_major_locator(MaxNLocator(3))
-    axes[0, 0].set_ylabel("true positive rate")
+    axes[0].set_ylabel("true positive rate")
     fig.legend(handles.values(), handles, loc="outside lower center", ncols=4, fontsize=8)
     return unclutter(fig)
 

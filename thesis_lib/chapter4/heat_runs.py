@@ -21,6 +21,7 @@ from thesis_lib.checks import one_of
 from thesis_lib.domains.heat import HeatTask
 from thesis_lib.domains.heat_learning import HeatLearned
 from thesis_lib.edition.experiment import Context
+from thesis_lib.edition.plots import legend_of
 
 RELEVANT = ("heat", "a")
 """What counts as domain relevant; see :mod:`thesis_lib.chapter4.heat_relevance`."""
@@ -202,6 +203,5 @@ def by_noise(
         axes[at].set_title(rf"$\sigma_{{sensor}}$ = {sensor:g}", fontsize=9)
     for ax in axes[0]:
         ax.set_xlabel("")
-    handles = axes[0, 0].get_legend_handles_labels()
-    fig.legend(*handles, loc="outside lower center", ncols=legend_columns, fontsize=8)
+    legend_of(axes[0, 0], legend_columns, fontsize=8)
     return fig, axes

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -29,7 +28,7 @@ from thesis_lib.domains.toy_text import frozen_lakes, taxi
 from thesis_lib.edition.criteria import graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
-from thesis_lib.edition.plots import COLOURS
+from thesis_lib.edition.plots import COLOURS, legend_of, panels
 from thesis_lib.edition.words import plus_minus, several
 from thesis_lib.mdp.batched import TaskBatch
 from thesis_lib.potentials import linear_cross_task_weights
@@ -374,11 +373,9 @@ def leaning(seed: int, runs: int = 40) -> dict[str, Mean]:
 
 def figure(table: pd.DataFrame) -> Figure:
     """Regret over the number of observed tasks, one panel a domain, one line a selector."""
-    panels = list(table.groupby("domain", sort=False))
-    columns = min(3, len(panels))
-    rows = -(-len(panels) // columns)
-    fig, axes = plt.subplots(rows, columns, figsize=(7.2, 2.3 * rows), squeeze=False)
-    for ax, (domain, own) in zip(axes.flat, panels, strict=False):
+    groups = list(table.groupby("domain", sort=False))
+    fig, axes = panels(len(groups), 3, 2.3)
+    for ax, (domain, own) in zip(axes, groups, strict=True):
         own = own[own.method != "cross-validation, coarser"]
         for i, (method, group) in enumerate(own.groupby("method", sort=False)):
             look: dict[str, Any] = {
@@ -391,9 +388,7 @@ def figure(table: pd.DataFrame) -> Figure:
         ax.set_title(domain, fontsize=9)
         ax.set_yscale("symlog", linthresh=0.01)
         ax.tick_params(labelsize=8)
-    for ax in axes.flat[len(panels) :]:
-        ax.set_axis_off()
     fig.supxlabel("observed tasks", fontsize=10)
     fig.supylabel("regret [variances of a task's values]", fontsize=10)
-    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    legend_of(axes[0], 4, "upper center")
     return fig

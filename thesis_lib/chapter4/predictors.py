@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import product
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -27,7 +26,7 @@ from thesis_lib.checks import one_of
 from thesis_lib.domains import Domain, continuing_cliff, stock, triangle
 from thesis_lib.domains.heat import ACTIONS
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.plots import COLOURS, unclutter
+from thesis_lib.edition.plots import COLOURS, legend_of, panels, unclutter
 from thesis_lib.potentials import linear_cross_task_weights
 from thesis_lib.relevance import Solutions, keep
 from thesis_lib.selection import (
@@ -358,15 +357,10 @@ def roc_figure(table: pd.DataFrame) -> Figure:
 def _panels(table: pd.DataFrame) -> tuple[Figure, list[Axes]]:
     """A figure with a titled panel a setting."""
     names = list(dict.fromkeys(table.setting))
-    columns = min(3 if len(names) != 4 else 2, len(names))
-    rows = -(-len(names) // columns)
-    fig, grid = plt.subplots(rows, columns, figsize=(7.2, 0.7 + 1.9 * rows), squeeze=False)
-    axes = list(grid.flat)
-    for ax, name in zip(axes, names, strict=False):
+    fig, axes = panels(len(names), 3 if len(names) != 4 else 2, 1.9, 0.7)
+    for ax, name in zip(axes, names, strict=True):
         ax.set_title(name, fontsize=9)
         ax.tick_params(labelsize=7)
-    for ax in axes[len(names) :]:
-        ax.set_axis_off()
     return fig, axes
 
 
@@ -374,6 +368,5 @@ def _named(fig: Figure, axes: list[Axes], x: str, y: str) -> Figure:
     """The figure with names on its sides and one legend."""
     fig.supxlabel(x, fontsize=9)
     fig.supylabel(y, fontsize=9)
-    handles = axes[0].get_legend_handles_labels()
-    fig.legend(*handles, loc="outside upper center", ncols=5, fontsize=8)
+    legend_of(axes[0], 5, "upper center", fontsize=8)
     return fig

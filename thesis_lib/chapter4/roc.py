@@ -19,7 +19,7 @@ from thesis_lib.chapter4.runs import Placed, exact_solutions, place
 from thesis_lib.domains import Domain, continuing_cliff, stock, triangle
 from thesis_lib.domains.planted import random_domain, torus
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.plots import unclutter
+from thesis_lib.edition.plots import legend_of, unclutter
 from thesis_lib.relevance import Solutions
 from thesis_lib.selection import (
     FSTEK,
@@ -153,8 +153,7 @@ def figure(table: pd.DataFrame) -> Figure:
         ax.set_xlabel("false positive rate", fontsize=8)
     for ax in axes[:, 0]:
         ax.set_ylabel("true positive rate", fontsize=8)
-    handles = axes[0, 0].get_legend_handles_labels()
-    fig.legend(*handles, loc="outside lower center", ncols=5, fontsize=8)
+    legend_of(axes[0, 0], 5, fontsize=8)
     return unclutter(fig)
 
 

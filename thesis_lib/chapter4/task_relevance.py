@@ -23,7 +23,7 @@ from thesis_lib.domains.planted import meadow
 from thesis_lib.edition.criteria import graded, judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, Verdict, criterion
-from thesis_lib.edition.plots import COLOURS
+from thesis_lib.edition.plots import COLOURS, legend_of
 from thesis_lib.mdp.aggregated import learn_aggregated
 from thesis_lib.relevance import ACTION, ground
 from thesis_lib.selection import JackknifeF, NoSelection, TaskRelevance, task_explained
@@ -407,8 +407,7 @@ def figure(table: pd.DataFrame, tasks_seen: int) -> Figure:
             ax.fill_between(x, low, high, color=colour, alpha=0.15, lw=0)
         ax.set(xlabel="steps in the new task [1000]", title=f"{domain}, n = {tasks_seen}")
     axes[0, 0].set_ylabel("reward a step")
-    handles = axes[0, 0].get_legend_handles_labels()
-    fig.legend(*handles, loc="outside lower center", ncols=2, fontsize=8)
+    legend_of(axes[0, 0], 2, fontsize=8)
     return fig
 
 

@@ -30,7 +30,7 @@ from scipy.special import chdtr, roots_genlaguerre
 
 from thesis_lib.arrays import FloatArray
 from thesis_lib.edition.experiment import Context, experiment
-from thesis_lib.edition.plots import COLOURS
+from thesis_lib.edition.plots import COLOURS, legend_of
 from thesis_lib.selection import f_threshold, fstek_threshold, triangle_alpha
 
 THRESHOLDS: Mapping[str, Callable[[int], float]] = {
@@ -156,5 +156,5 @@ def figure(table: pd.DataFrame, n: int) -> Figure:
         ax.set_title(f"{d} direction{'s' * (d > 1)}", fontsize=9)
         ax.set_xlabel("effect [standard errors]")
     axes[0, 0].set_ylabel("regret [trace / n]")
-    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
+    legend_of(axes[0, 0], 5, "upper center")
     return fig

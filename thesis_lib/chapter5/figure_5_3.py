@@ -14,6 +14,7 @@ from thesis_lib.chapter5.contrasts import Config
 from thesis_lib.chapter5.networks import STYLES
 from thesis_lib.chapter5.runs import CELL, DEFAULT
 from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.plots import legend_of
 from thesis_lib.robustness import TRAINED_ON
 from thesis_lib.stats import mean_ci
 
@@ -150,11 +151,5 @@ def draw(table: pd.DataFrame) -> Figure:
         row[0].set_ylabel("mean return")
     for ax in axes[-1]:
         ax.set_xlabel("million control steps")
-    fig.legend(
-        *axes[0, 0].get_legend_handles_labels(),
-        loc="outside lower center",
-        ncols=7,
-        columnspacing=1.0,
-        handlelength=1.6,
-    )
+    legend_of(axes[0, 0], 7, columnspacing=1.0, handlelength=1.6)
     return fig

@@ -31,7 +31,7 @@ from thesis_lib.chapter5.runs import ENOUGH
 from thesis_lib.edition.criteria import LEVEL, graded
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Criterion, Verdict
-from thesis_lib.edition.plots import COLOURS
+from thesis_lib.edition.plots import COLOURS, legend_of
 from thesis_lib.edition.words import with_interval
 from thesis_lib.robustness import CONDITIONS, PERTURBATIONS, TRAINED_ON, quadrants, score
 from thesis_lib.stats import friedman, iqm, stratified_bootstrap_ci
@@ -394,5 +394,5 @@ def draw(table: pd.DataFrame) -> Figure:
         ax.set_title(f"trained on {ground}, {what}")
         ax.set_xticks(places, NETS, rotation=45, ha="right")
     fig.supylabel("robustness score")
-    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    legend_of(axes[0, 0], 4)
     return fig

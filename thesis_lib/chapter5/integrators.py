@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from thesis_lib.arrays import FloatArray
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import effect_of
-from thesis_lib.edition.plots import COLOURS
+from thesis_lib.edition.plots import COLOURS, legend_of
 from thesis_lib.policies import CTRNN, make_policy
 
 
@@ -165,5 +165,5 @@ def figure(table: pd.DataFrame, gradients: pd.DataFrame) -> Figure:
     right.plot([], color="0.3", label="states at the ends of steps")
     right.plot([], color="0.3", ls="--", label="states of the stages")
     right.legend(fontsize=8.5, loc="center right")
-    fig.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=9)
+    legend_of(left, 3, fontsize=9)
     return fig

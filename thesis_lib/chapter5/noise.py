@@ -15,7 +15,7 @@ from thesis_lib.chapter5.untrained import run_episodes, untrained
 from thesis_lib.edition.criteria import exact, judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Finding, criterion
-from thesis_lib.edition.plots import PRINTED
+from thesis_lib.edition.plots import PRINTED, legend_of
 from thesis_lib.locomotion.batch import BatchTask
 from thesis_lib.locomotion.robots import ROBOTS
 from thesis_lib.locomotion.tasks import HORIZON
@@ -183,7 +183,7 @@ def figure(table: pd.DataFrame) -> Figure:
     fig.supxlabel("noise / the sensor's own standard deviation", fontsize=10)
     for controller, colour in CONTROLLERS.items():
         axes[0].plot([], "o", mfc="none", color=colour, label=controller)
-    fig.legend(*axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
+    legend_of(axes[0], 2, "upper right")
     return fig
 
 

@@ -9,7 +9,7 @@ same iteration; one that has not come so far is left out.
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,35 +17,19 @@ import pandas as pd
 
 from thesis_lib.checkout import repository_root
 
-RUN_COLUMNS: Mapping[str, str] = {
-    "task": "robot, such as HalfCheetah",
-    "terrain": "flat or hill: the ground it was trained on",
-    "architecture": "net, such as dtrnn",
-    "seed": "seed of the run",
-    "variant": "settings that differ from the defaults, or default",
-}
-"""Columns that tell runs apart; a file may have more."""
+RUN_COLUMNS = ("task", "terrain", "architecture", "seed", "variant")
+"""Columns that tell runs apart, of :data:`~thesis_lib.training.grid.GRID_COLUMNS`; a file may have
+more."""
 
-CURVE_COLUMNS: Mapping[str, str] = {
-    **RUN_COLUMNS,
-    "iteration": "from 1",
-    "steps": "control steps learned from so far",
-    "mean_return": "mean return of the batch",
-}
-"""Columns of ``curves``, one row an iteration of a run."""
+CURVE_COLUMNS = (*RUN_COLUMNS, "iteration", "steps", "mean_return")
+"""Columns of ``curves``, of :data:`~thesis_lib.training.curves.CURVES_COLUMNS`, one row an
+iteration of a run."""
 
-TEST_COLUMNS: Mapping[str, str] = {
-    **RUN_COLUMNS,
-    "condition": "base, noise or switch",
-    "correlation": "correlation time of the noise in control steps, 0 where it is white",
-    "intervention": "what was done to the net in the test: none, no memory, no previous action "
-    "or input filter",
-    "policy": "of a training run: last, or that of the best batch (best)",
-    "test": "number of the test run, from 0",
-    "return": "return of the test run",
-}
-"""Columns of ``tests``, one row a test run of a policy; ``correlation`` and ``intervention`` may
-be left out where there is none, and ``policy`` where it is the last."""
+_OF_A_TEST = ("condition", "correlation", "intervention", "policy", "test", "return")
+TEST_COLUMNS = (*RUN_COLUMNS, *_OF_A_TEST)
+"""Columns of ``tests``, of :data:`thesis_lib.training.suite.COLUMNS`, one row a test run of a
+policy; ``correlation`` and ``intervention`` may be left out where there is none, and ``policy``
+where it is the last."""
 
 TESTED_ALIKE = ("steps", "termination", "noise", "onset", "difficulty", "switch_at", "seed")
 """Settings of :class:`~thesis_lib.training.suite.SuiteConfig` that ``tests`` has no column for:
@@ -234,7 +218,7 @@ def _check_tested_alike(root: Path) -> None:
                 )
 
 
-def _read(root: Path, name: str, columns: Mapping[str, str]) -> pd.DataFrame:
+def _read(root: Path, name: str, columns: Sequence[str]) -> pd.DataFrame:
     parts = [pd.DataFrame(columns=[*columns, "layer"])]
     for path in sorted(p for s in (".csv", ".parquet") for p in root.glob(f"**/{name}{s}")):
         table = pd.read_csv(path) if path.suffix == ".csv" else pd.read_parquet(path)

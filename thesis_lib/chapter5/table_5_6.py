@@ -20,7 +20,7 @@ from thesis_lib.chapter5.judging import Evidence, Said, both, of_rows, together
 from thesis_lib.edition.criteria import LEVEL, graded, judged
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.ledger import Criterion, Finding, Verdict, criterion
-from thesis_lib.edition.plots import COLOURS, PRINTED
+from thesis_lib.edition.plots import COLOURS, PRINTED, legend_of
 from thesis_lib.robustness import PERTURBATIONS, improvement, ratio_of_drops, retained
 
 ROUNDING = 0.05
@@ -307,5 +307,5 @@ def draw(table: pd.DataFrame) -> Figure:
         ax.set_xticks(places, NETS, rotation=45)
         ax.set_title(what)
     axes[0].set_ylabel("improvement ratio")
-    fig.legend(*axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=3)
+    legend_of(axes[0], 3, "upper right")
     return fig

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import product
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -22,6 +21,7 @@ from thesis_lib.chapter5.contrasts import Config
 from thesis_lib.chapter5.networks import STYLES
 from thesis_lib.chapter5.runs import CELL, ENOUGH, Runs, plain
 from thesis_lib.edition.experiment import Context, experiment
+from thesis_lib.edition.plots import legend_of, panels
 from thesis_lib.robustness import CONDITIONS, PERTURBATIONS, TRAINED_ON
 from thesis_lib.stats import mean_ci
 
@@ -136,15 +136,9 @@ def draw(table: pd.DataFrame) -> Figure:
     are those of the shares: intervals over few seeds may reach beyond.
     """
     rows = [*table.groupby(["task", "trained_on"], sort=False)] or [(("", ""), table)]
-    fig, axes = plt.subplots(
-        *(len(rows), len(PERTURBATIONS)),
-        figsize=(7.2, 0.8 + 2.6 * len(rows)),
-        sharey=True,
-        squeeze=False,
-    )
-    for ax, ((robot, ground), perturbation) in zip(
-        axes.flat, product([key for key, _ in rows], PERTURBATIONS), strict=True
-    ):
+    places = list(product([key for key, _ in rows], PERTURBATIONS))
+    fig, axes = panels(len(places), len(PERTURBATIONS), 2.6, 0.8, sharey=True)
+    for ax, ((robot, ground), perturbation) in zip(axes, places, strict=True):
         own = table[(table.task == robot) & (table.trained_on == ground)]
         own = own[own.perturbation == perturbation].sort_values("steps")
         for i, net in enumerate(NETS):
@@ -161,11 +155,9 @@ def draw(table: pd.DataFrame) -> Figure:
         lengths = [f"{steps / 1e6:.0f} million\nsteps" for steps in own.steps.unique()]
         ax.set_xticks(range(len(lengths) + 1), [*lengths, "printed"])
         ax.set(title=f"{robot}, {ground}: {perturbation}", xlim=(-0.3, len(lengths) + 0.15))
-    axes[0, 0].set_ylim(0, max(1.05, 1.05 * table[["kept", "printed"]].max(axis=None)))
+    axes[0].set_ylim(0, max(1.05, 1.05 * table[["kept", "printed"]].max(axis=None)))
     fig.supylabel("share of the regular return", fontsize=10)
-    fig.legend(
-        *axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=7, fontsize=8
-    )
+    legend_of(axes[0], 7, fontsize=8)
     return fig
 
 

@@ -4,6 +4,3 @@ Most of it repeats other chapters, and is judged by their claims (``rests_on`` i
 ``targets`` holds the criteria of what only section 6.1 says.  ``questions.toml`` has the research
 questions, the thesis's answers and ours.
 """
-
-RESULTS = ("targets",)
-"""The results that have criteria of their own."""

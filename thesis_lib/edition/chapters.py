@@ -1,7 +1,8 @@
 """Chapters: their experiments, claims and differences.
 
-A chapter's words stand in its ``claims.toml``, its functions in its modules; they are brought
-together here.  Chapters are imported when asked for, so that a notebook depends on its own only.
+A chapter's results and words stand in its ``claims.toml``, its functions in its modules; they are
+brought together here.  Chapters are imported when asked for, so that a notebook depends on its own
+only.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import difflib
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from itertools import chain
@@ -50,13 +51,13 @@ class Chapter:
     differences: tuple[Difference, ...]
 
 
-def read_chapter(package: ModuleType, results: Sequence[str] | None = None) -> Chapter:
+def read_chapter(package: ModuleType, results: Collection[str] | None = None) -> Chapter:
     """Bring a chapter's results and the words in its ``claims.toml`` together.
 
     Parameters
     ----------
     package
-        Such as ``thesis_lib.chapter3``; its ``RESULTS`` are the names of its modules in order.
+        Such as ``thesis_lib.chapter3``.
     results
         Only these of its modules; what the others judge and tell is then left out.
 
@@ -66,11 +67,11 @@ def read_chapter(package: ModuleType, results: Sequence[str] | None = None) -> C
         If a claim has no criterion, no reason why it cannot be tested and none to rest on, or a
         difference not exactly one effect.
     """
-    chosen = package.RESULTS if results is None else results
-    modules = [import_module(f"{package.__name__}.{name}") for name in chosen]
-    found = [item for module in modules for item in vars(module).values()]
     file = Path(str(package.__file__)).with_name("claims.toml")
     words = tomllib.loads(file.read_text(encoding="utf-8"))
+    chosen = [name for name in words["results"] if results is None or name in results]
+    modules = [import_module(f"{package.__name__}.{name}") for name in chosen]
+    found = [item for module in modules for item in vars(module).values()]
     criteria = _only_one(x for x in found if isinstance(x, Criterion))
     effects = _only_one(x for x in found if isinstance(x, Effect))
     claims = tuple(

@@ -16,8 +16,10 @@ from __future__ import annotations
 import os
 import re
 import sys
+import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -63,26 +65,6 @@ _MARKDOWN = (
 )
 
 _THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-
-_BANNERS = {
-    "smoke": (
-        "warning",
-        "Reduced budget: shapes, not values",
-        "This page was run at the `smoke` budget, which passes through every line of code in "
-        "seconds. Its curves and tables have the right shape; their values mean nothing.",
-    ),
-    "book": (
-        "note",
-        "Budget: book",
-        "This page was run at the `book` budget.",
-    ),
-    "thesis": (
-        "note",
-        "Budget: thesis",
-        "This page was run at the `thesis` budget: as many runs as the thesis "
-        "made, but for chapter 5's trained policies, which are read as they are committed.",
-    ),
-}
 
 
 class _Rendered:
@@ -317,8 +299,8 @@ class Page:
     def _read(self) -> None:
         """Learn of the claims and differences of the modules imported by now."""
         if self.chapter is not None:
-            package = self.chapter.__name__
-            loaded = [n for n in self.chapter.RESULTS if f"{package}.{n}" in sys.modules]
+            package = f"{self.chapter.__name__}."
+            loaded = [n.removeprefix(package) for n in sys.modules if n.startswith(package)]
             found = read_chapter(self.chapter, loaded)
             self.claims.update({claim.id: claim for claim in found.claims})
             self.differences.update({row.id: row for row in found.differences})
@@ -435,12 +417,13 @@ def start(
         shell.run_line_magic("matplotlib", "inline")
     use_style()
 
-    kind, title, text = _BANNERS[page.budget]
-    seeds = f"Seed {page.seed}."
+    words = Path(__file__).with_name("banners.toml").read_text(encoding="utf-8")
+    banner = tomllib.loads(words)[page.budget]
+    title, text = banner["title"], f"{banner['text']} Seed {page.seed}."
     display(
         _Rendered(
-            f":::{{admonition}} {title}\n:class: {kind}\n{text} {seeds}\n:::\n",
-            f"<p><strong>{title}.</strong> {text.replace('`', '')} {seeds}</p>",
+            f":::{{admonition}} {title}\n:class: {banner['kind']}\n{text}\n:::\n",
+            f"<p><strong>{title}.</strong> {text.replace('`', '')}</p>",
         )
     )
     return page

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from itertools import pairwise, product
+from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -18,17 +18,12 @@ from matplotlib.transforms import Bbox, BboxBase
 
 from thesis_lib.arrays import FloatArray
 
-#: Okabe and Ito's eight colours, black last, in an order whose neighbours differ in lightness too.
-COLOURS: tuple[str, ...] = (
-    "#0072B2",  # blue
-    "#D55E00",  # vermilion
-    "#009E73",  # green
-    "#CC79A7",  # purple
-    "#E69F00",  # orange
-    "#56B4E9",  # sky blue
-    "#F0E442",  # yellow
-    "#000000",  # black
+_STYLE = mpl.rc_params_from_file(
+    Path(__file__).with_name("thesis.mplstyle"), use_default_template=False
 )
+
+#: Okabe and Ito's eight: blue, vermilion, green, purple, orange, sky blue, yellow and black.
+COLOURS: tuple[str, ...] = tuple(_STYLE["axes.prop_cycle"].by_key()["color"])
 
 #: Colour of a value the thesis prints, in every figure that shows one beside ours.
 PRINTED = "#000000"
@@ -37,39 +32,10 @@ PRINTED = "#000000"
 def use_style() -> None:
     """Set matplotlib's defaults for the book's figures, whatever a user's own are.
 
-    Figures are opaque white, because a dark theme shows a transparent one as a grey slab, and
-    at most 7.2 inches wide at 200 dots an inch, which is the text column at twice its pixels.
+    They stand in ``thesis.mplstyle`` beside this file, which others can use as well.
     """
     mpl.rcdefaults()
-    mpl.rcParams.update(
-        {
-            "figure.figsize": (7.2, 3.6),
-            "figure.dpi": 200,
-            "figure.facecolor": "white",
-            "figure.constrained_layout.use": True,
-            "savefig.facecolor": "white",
-            "savefig.dpi": 200,
-            "axes.facecolor": "white",
-            "axes.prop_cycle": cycler(color=COLOURS),
-            "axes.spines.top": False,
-            "axes.spines.right": False,
-            "axes.grid": True,
-            "axes.axisbelow": True,
-            "axes.titlesize": 11,
-            "axes.labelsize": 11,
-            "xtick.labelsize": 10,
-            "ytick.labelsize": 10,
-            "legend.fontsize": 10,
-            "legend.frameon": False,
-            "font.size": 11,
-            "font.family": "DejaVu Sans",  # ships with matplotlib: the same picture everywhere
-            "grid.color": "#d9d9d9",
-            "grid.linewidth": 0.6,
-            "lines.linewidth": 1.8,
-            "image.cmap": "cividis",
-            "svg.hashsalt": "thesis_lib",
-        }
-    )
+    mpl.rcParams.update(_STYLE)
 
 
 def panels(
@@ -103,6 +69,12 @@ def panels(
     for ax in grid.flat[n:]:
         ax.axis("off")
     return fig, list(grid.flat[:n])
+
+
+def legend_of(ax: Axes, ncols: int, where: str = "lower center", **look: Any) -> None:
+    """The legend of one of a figure's panels, outside all of them, for the whole figure."""
+    handles, labels = ax.get_legend_handles_labels()
+    ax.get_figure(root=True).legend(handles, labels, loc=f"outside {where}", ncols=ncols, **look)
 
 
 def band(ax: Axes, table: pd.DataFrame, x: str, unit: float = 1.0, **look: Any) -> None:

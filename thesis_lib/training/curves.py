@@ -16,6 +16,7 @@ from scipy import stats
 from thesis_lib.checkout import environment
 from thesis_lib.files import replacing, writable_directory, write_json
 from thesis_lib.stats import holm, mean_ci
+from thesis_lib.training.columns import columns
 from thesis_lib.training.config import TrainConfig, differences
 from thesis_lib.training.grid import GRID, GRID_COLUMNS, key, run_name
 from thesis_lib.training.run import CURVE_COLUMNS, TIMING_COLUMNS
@@ -24,41 +25,14 @@ from thesis_lib.training.trained import LAST, write_policies
 MARGIN = 0.1
 """Difference of two mean returns, as a share of the second, that counts as none."""
 
+_OF_A_RUN_ALONE = ("min_return", "max_return", "surrogate", "step_norm", "residual", "simulated")
 CURVES_COLUMNS: Mapping[str, str] = {
     **GRID_COLUMNS,
-    **{
-        name: CURVE_COLUMNS[name]
-        for name in (
-            "iteration",
-            "steps",
-            "mean_return",
-            "std_return",
-            "episodes",
-            "mean_length",
-            "kl",
-            "entropy",
-            "accepted",
-            "backtracks",
-            "sampling_seconds",
-            "update_seconds",
-            "wall_seconds",
-        )
-    },
+    **{name: words for name, words in CURVE_COLUMNS.items() if name not in _OF_A_RUN_ALONE},
 }
 """Meaning and unit of each column of the merged curves, one row an iteration of a run."""
 
-SUMMARY_COLUMNS: Mapping[str, str] = {
-    **GRID_COLUMNS,
-    "iterations": "iterations done",
-    "steps": "control steps learned from",
-    "first_return": "mean return of the first batch, that of the untrained policy",
-    "last_return": f"mean return of the last {LAST} batches",
-    "best_return": "mean return of the best batch",
-    "average_return": "mean return over all iterations, the measure of table 5.2",
-    "rejected": "updates the line search rejected",
-    "steps_per_second": "control steps learned from in a second of processor time",
-    "wall_seconds": "wall-clock seconds of all iterations",
-}
+SUMMARY_COLUMNS: Mapping[str, str] = {**GRID_COLUMNS, **columns("summary", last=LAST)}
 """Meaning and unit of each column of :func:`summary`, one row a run."""
 
 
@@ -148,19 +122,7 @@ def summary(curves: pd.DataFrame, last: int = LAST) -> pd.DataFrame:
 
 PAIRED_COLUMNS: Mapping[str, str] = {
     **{name: GRID_COLUMNS[name] for name in ("task", "terrain", "architecture")},
-    "changed": "what is compared: a number type or a variant",
-    "reference": "what it is compared with",
-    "n": "seeds that both have finished",
-    "mean_changed": "return averaged over the curve, mean over seeds",
-    "mean_reference": "the same for the reference",
-    "difference": "mean over seeds of the difference with the same seed",
-    "low": "lower end of the 95% Student interval of the difference",
-    "high": "upper end",
-    "p_difference": "paired t-test that the difference is 0",
-    "p_holm": "the same, adjusted by Holm for all rows of the table",
-    "p_equivalence": (
-        f"two one-sided paired t-tests that it is within {MARGIN:.0%} of the reference"
-    ),
+    **columns("paired", margin=MARGIN),
 }
 """Meaning and unit of each column of :func:`compared`."""
 

@@ -25,30 +25,16 @@ from thesis_lib.optimisation import GymnasiumTask, run_episodes
 from thesis_lib.policies import GaussianPolicy
 from thesis_lib.stats import mean_ci
 from thesis_lib.surroundings import own_settings
+from thesis_lib.training.columns import columns
 from thesis_lib.training.config import TERRAINS, is_robot
 from thesis_lib.training.disturbances import Disturbances, parse_perturbation
 from thesis_lib.training.run import Training
 from thesis_lib.training.trained import Trained, read_trained
 
-RUN_COLUMNS: Mapping[str, str] = {
-    "run": "number of the run, from 0",
-    "return": "undiscounted return up to the end of the run",
-    "length": "control steps",
-    "terminated": "whether a limit of the task ended it",
-}
+RUN_COLUMNS: Mapping[str, str] = columns("test")
 """Meaning and unit of each column of a test, one row a run."""
 
-SUMMARY_COLUMNS: Mapping[str, str] = {
-    "n": "runs",
-    "mean_return": "mean return",
-    "low": "lower end of the 95% Student interval of the mean over runs of this one policy",
-    "high": "upper end",
-    "sd": "standard deviation of the return over runs",
-    "min": "smallest return",
-    "max": "largest return",
-    "mean_length": "mean length in control steps",
-    "terminated": "share of the runs that a limit of the task ended",
-}
+SUMMARY_COLUMNS: Mapping[str, str] = columns("evaluation")
 """Meaning and unit of each column of :func:`summarised`."""
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from thesis_lib.checks import plain_settings
 from thesis_lib.policies import ARCHITECTURES
+from thesis_lib.training.columns import columns
 from thesis_lib.training.config import TASK_NAMES, TrainConfig, idle_settings, settled
 
 GRID = ("task", "terrain", "architecture", "seed", "precision")
@@ -23,14 +24,7 @@ BUDGET = ("iterations", "batch_steps", "horizon", "num_envs", "threads", "checkp
 DEFAULT = "default"
 """The variant that leaves all other settings as they are."""
 
-GRID_COLUMNS: Mapping[str, str] = {
-    "task": "robot",
-    "terrain": "flat or hill",
-    "architecture": "net",
-    "seed": "seed of the run",
-    "precision": "number type of the net",
-    "variant": "settings that differ from those of `thesis train`",
-}
+GRID_COLUMNS: Mapping[str, str] = columns("grid")
 """Columns that tell the runs of a sweep apart."""
 
 

@@ -21,6 +21,7 @@ from thesis_lib.checks import ForeseenError, one_of, plain_settings
 from thesis_lib.files import replacing, writable_directory, write_json
 from thesis_lib.locomotion import BatchTask
 from thesis_lib.training.checkpoint import code_digest
+from thesis_lib.training.columns import columns
 from thesis_lib.training.disturbances import Disturbances
 from thesis_lib.training.evaluation import RUN_COLUMNS, EvaluateConfig, evaluation_task, tested
 from thesis_lib.training.grid import GRID_COLUMNS, key
@@ -42,26 +43,16 @@ POLICIES = ("last", "best")
 RULES = ("seed", "all")
 
 COLUMNS: Mapping[str, str] = {
-    **{**GRID_COLUMNS, "run": "name of the training run"},
-    "policy": "last, or that of the best batch",
-    "iteration": "iterations of training it had",
-    "last_return": "mean return of the last batches of training",
-    "condition": ", ".join(CONDITIONS),
-    "correlation": "correlation time of the noise in control steps, 0 where it is white or none",
-    "intervention": "what was done to the net: none, no memory, no previous action, input filter",
-    "test": RUN_COLUMNS["run"],
-    **{name: RUN_COLUMNS[name] for name in ("return", "length", "terminated")},
+    **GRID_COLUMNS,
+    **columns("policy", conditions=", ".join(CONDITIONS)),
+    **{{"run": "test"}.get(name, name): words for name, words in RUN_COLUMNS.items()},
 }
 """Meaning and unit of each column of :func:`evaluate_all`, one row a run of a test."""
 
 BEST_COLUMNS: Mapping[str, str] = {
     **{name: words for name, words in GRID_COLUMNS.items() if name != "seed"},
     "condition": COLUMNS["condition"],
-    "seeds": "policies that are averaged over",
-    "seed": "seed of the policy, empty where it is more than one",
-    "mean_return": "mean return over their tests",
-    "se_runs": "standard error over the tests of one policy, empty where it is more than one",
-    "se_seeds": "standard error over policies, empty where it is one",
+    **columns("best"),
 }
 """Meaning and unit of each column of :func:`best`."""
 
