@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -144,7 +145,7 @@ def draw(table: pd.DataFrame) -> Figure:
             at = own[own.architecture == net]
             # Nets side by side, so that their intervals do not cover each other.
             x = np.arange(len(at)) + 0.04 * (i - len(NETS) / 2)
-            look = {"color": COLOURS[i], "lw": 1.2}
+            look: dict[str, Any] = {"color": COLOURS[i], "lw": 1.2}
             ax.plot(x, at.kept, "o-", ms=4, label=net, **look)
             ax.errorbar(x, at.kept, yerr=at.ci95, fmt="none", ecolor=COLOURS[i], alpha=0.4)
             if len(at):
