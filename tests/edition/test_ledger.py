@@ -147,7 +147,7 @@ class TestReadChapter:
     """Words in ``claims.toml``, functions beside the experiments."""
 
     WORDS = """
-        results = ["toy"]
+        modules = ["toy"]
 
         [[claim]]
         id = "0.1-toy"

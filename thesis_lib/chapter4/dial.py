@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 import pandas as pd
@@ -214,7 +214,7 @@ def figure(table: pd.DataFrame) -> Figure:
         for method, own in table[table.domain == domain].groupby("method", sort=False):
             name = str(method)
             own = own.sort_values("level")
-            look = {"color": looks.COLOUR[name], "marker": looks.MARKER[name]}
+            look: dict[str, Any] = {"color": looks.COLOUR[name], "marker": looks.MARKER[name]}
             ax.plot(own.fpr, own.tpr, ms=3, lw=1, label=SYMBOLS[name], **look)
             if name == "fs-tek":
                 at = own[np.isclose(own.level, 1e-4)]

@@ -69,7 +69,7 @@ def read_chapter(package: ModuleType, results: Collection[str] | None = None) ->
     """
     file = Path(str(package.__file__)).with_name("claims.toml")
     words = tomllib.loads(file.read_text(encoding="utf-8"))
-    chosen = [name for name in words["results"] if results is None or name in results]
+    chosen = [name for name in words["modules"] if results is None or name in results]
     modules = [import_module(f"{package.__name__}.{name}") for name in chosen]
     found = [item for module in modules for item in vars(module).values()]
     criteria = _only_one(x for x in found if isinstance(x, Criterion))

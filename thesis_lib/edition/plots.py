@@ -74,7 +74,8 @@ def panels(
 def legend_of(ax: Axes, ncols: int, where: str = "lower center", **look: Any) -> None:
     """The legend of one of a figure's panels, outside all of them, for the whole figure."""
     handles, labels = ax.get_legend_handles_labels()
-    ax.get_figure(root=True).legend(handles, labels, loc=f"outside {where}", ncols=ncols, **look)
+    placed: dict[str, Any] = {"loc": f"outside {where}", "ncols": ncols, **look}
+    ax.figure.legend(handles, labels, **placed)
 
 
 def band(ax: Axes, table: pd.DataFrame, x: str, unit: float = 1.0, **look: Any) -> None:
