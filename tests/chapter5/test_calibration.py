@@ -132,6 +132,24 @@ def test_the_reading_in_use_is_bold_and_a_faster_one_is_told(tmp_path: Path) -> 
     assert "CTRNN" not in told  # one step size
 
 
+def test_an_output_start_that_another_beats_is_named(tmp_path: Path) -> None:
+    """Table 5.2 prints far more than any of these; the DTRNN starts whole, the GRU at a tenth."""
+    made = table(
+        tmp_path,
+        curves("all", 0, [900.0] * 4).assign(task="HalfCheetah", architecture="dtrnn"),
+        curves("all", 0, [500.0] * 4).assign(
+            task="HalfCheetah", architecture="dtrnn", head_scale=0.1
+        ),
+        curves("all", 0, [400.0] * 4).assign(task="HalfCheetah", architecture="gru"),
+        curves("all", 0, [300.0] * 4).assign(
+            task="HalfCheetah", architecture="gru", head_scale=0.1
+        ),
+    )
+    told = calibration.of_output_start(made)
+    assert "DTRNN 900 and 500 (1), GRU 400 and 300 (1)." in told
+    assert "comes nearer to table 5.2, but for GRU;" in told
+
+
 def test_the_runs_that_are_kept() -> None:
     made = readings.run("book").table
     assert (made.n_runs >= 1).all()

@@ -147,7 +147,8 @@ def draw(table: pd.DataFrame) -> Figure:
             # Nets side by side, so that their intervals do not cover each other.
             x = np.arange(len(at)) + 0.04 * (i - len(NETS) / 2)
             colour, style = STYLES[net.lower()]
-            look: dict[str, Any] = {"color": colour, "lw": 1.2, "mfc": colour if style == "-" else "white"}
+            filled = colour if style == "-" else "white"
+            look: dict[str, Any] = {"color": colour, "lw": 1.2, "mfc": filled}
             ax.plot(x, at.kept, f"o{style}", ms=4, label=net, **look)
             ax.errorbar(x, at.kept, yerr=at.ci95, fmt="none", ecolor=colour, alpha=0.4)
             if len(at):

@@ -40,9 +40,9 @@ Duan et al.'s group for these robots has 0.08 and 0.1 (see results/calibration).
 
 HEAD_SCALE: Mapping[str, float] = {"ffwd": 0.1, "gru": 0.1, "lstm": 0.1, "esn": 0.1}
 """What the initial weights of these nets' output layers are multiplied with.  The thesis does not
-say how they start.  On the half-cheetah a tenth of the author's law (Glorot) brings FFWD, GRU and
-ESN nearer to table 5.2, and takes the DTRNN away from it; the LSTM, where one seed shows hardly a
-difference, is taken as the GRU (see results/calibration)."""
+say how they start.  On the half-cheetah a tenth of the author's law (Glorot) brings FFWD and GRU
+nearer to table 5.2, and takes the DTRNN away from it; ESN and LSTM, whose seeds do not tell the two
+apart, are taken as the GRU (see results/calibration)."""
 
 LOG_STD_RANGE = (-10.0, 10.0)
 """Where the logarithm of the actions' standard deviation may start."""
