@@ -130,7 +130,7 @@ def reading(table: pd.DataFrame) -> str:
         return "Too few policies as long as the thesis's have been tested in such noise."
     told = {name: with_interval(t.difference, t.low, t.high, "+.2f") for name, t in found.items()}
     change = found["change"]
-    if change.p_value >= LEVEL:
+    if change.p_value >= LEVEL / LOOKS:
         so = "which way it goes these seeds do not tell"
     else:
         so = "it shrinks, as a filter's would" if change.difference < 0 else "no filter does that"
@@ -141,14 +141,14 @@ def reading(table: pd.DataFrame) -> str:
     behind = [
         net
         for net, test, p in zip(others, tests, adjusted, strict=True)
-        if p < LEVEL and test.difference > 0
+        if p < LEVEL / LOOKS and test.difference > 0
     ]
     return (
         f"CTRNNs keep {told['white']} more than DTRNNs in white noise and {told['slow']} more in "
         f"noise correlated over {table.correlation.max():g} steps. From the one to the other their "
         f"lead changes by {told['change']}: {so}. In the mean over correlated noise CTRNNs are "
         f"significantly ahead of {several(behind) if behind else 'no net'} (Welch, after Holm's "
-        f"correction over {len(others)} nets)."
+        f"correction over {len(others)} nets; p below {LEVEL / LOOKS:g} counts here too)."
     )
 
 
