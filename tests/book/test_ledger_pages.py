@@ -65,8 +65,11 @@ def test_a_row_tells_where_the_tables_shown_say_another_verdict_and_how_they_are
     assert listed in ledger.more_markdown([deep])
     told = ledger.findings_markdown([deep])
     assert "[Refuted](#claim-3.4.1-numbers) (reproduced by a table of more runs).\n" in told
+    drawn_deep = replace(deep, over=replace(OVER, budget="thesis"))
+    assert "judged with `--budget thesis`" in ledger.scoreboard_markdown([drawn_deep])
+    assert "judged with" not in page
     others = (
-        replace(deep, over=replace(OVER, budget="thesis")),  # as deep itself
+        drawn_deep,
         replace(deep, budget="book"),
         replace(deep, finding=JUDGED.finding),
     )

@@ -124,6 +124,8 @@ def _claim(j: Judgement, *, earlier: bool, repeats: str = "") -> list[str]:
     source = [f"`{claim.id}`"]
     source += [f"shown is `thesis run {e} --budget thesis`" for e in claim.experiments if e in deep]
     source[-1] += "" if usual else f" (budget: {j.budget})"
+    drawn_deep = j.over is not None and j.over.budget == "thesis"
+    source += ["judged with `--budget thesis`"] * drawn_deep
     source += [f"shown in {link(claim.figure)}"] if claim.figure else []
     source += ["the verdicts over draws are of earlier code or runs"] * earlier
     same = f"That of [the claim {repeats}](#claim-{repeats})."
