@@ -21,6 +21,7 @@ from thesis_lib.chapter4.random_solutions import planted_solutions
 from thesis_lib.edition.experiment import Context, experiment
 from thesis_lib.edition.plots import COLOURS, PRINTED
 from thesis_lib.selection import JackknifeF, SignFlips
+from thesis_lib.selection.base import BackwardElimination
 
 Null = Literal["t2", "box", "rotations"]
 
@@ -87,9 +88,11 @@ def kept(config: Config, context: Context) -> list[Kept]:
         for rng in map(np.random.default_rng, seeds):
             solutions = planted_solutions(rng, n, effect, levels=levels, shared=shared)
             for i, alpha in enumerate(config.alphas):
-                turned = SignFlips(alpha, "rotations")
-                test = turned if null == "rotations" else JackknifeF(alpha, null=null)
-                counts[i] += test.fit(solutions).support_
+                if null == "rotations":
+                    selector: BackwardElimination = SignFlips(alpha, null)
+                else:
+                    selector = JackknifeF(alpha, null=null)
+                counts[i] += selector.fit(solutions).support_
         records = []
         for alpha, own in zip(config.alphas, counts.tolist(), strict=True):
             for feature, count in zip(("relevant", "irrelevant"), own, strict=True):

@@ -163,10 +163,10 @@ def of_output_start(table: pd.DataFrame) -> str:
         f"({row['n_runs'].min():.0f})"
         for key, row in by.iterrows()
     )
-    scales = by["mean_return"].sub(by["printed_mean", 1.0], axis=0).abs()
+    off = by["mean_return"].sub(by["printed_mean", 1.0], axis=0).abs()
     other = [
         str(key[1]).upper()
-        for key, nearer in scales.idxmin(axis=1).items()
+        for key, nearer in off.idxmin(axis=1).items()
         if nearer != head_scale(TrainConfig(key[0], architecture=key[1]))
     ]
     but = f", but for {several(other)}" if other else ""
